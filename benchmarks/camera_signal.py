@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from photo_figures import kurtosis, local_contrast, spectrum_slope
 
 from fieldtruth.bench.sensors import poses_on_route
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.sensor_models import datasheet_of, preset_of
@@ -66,7 +66,7 @@ def turning(pose: Array) -> Callable[[Any], Array]:
 
     def at(stamps: Any) -> Array:
         angles = np.degrees(YAW_RATE * (np.atleast_1d(stamps) - STAMP_NS) / 1e9)
-        poses = pose @ np.stack([frames.pose((0, 0, 0), (0, 0, float(angle))) for angle in angles])
+        poses = pose @ np.stack([transforms.pose((0, 0, 0), (0, 0, float(angle))) for angle in angles])
         return np.asarray(poses if isinstance(stamps, np.ndarray) else poses[0])
 
     return at

@@ -23,9 +23,8 @@ from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.world.build import build_world, load_world
+from fieldtruth.world.build import build_world, load_world, read_world, save_world
 from fieldtruth.world.model import World
-from fieldtruth.world.store import read_world, save_world
 
 T = TypeVar("T")
 TRIES = 3

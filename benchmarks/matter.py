@@ -22,7 +22,7 @@ from fieldtruth.interchange.inventory import COLUMNS, inventory
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.environments.forest.plants import TREE_DETAIL
-from fieldtruth.world.ground_types import ISO_CLASSES
+from fieldtruth.world.materials import ISO_CLASSES
 from fieldtruth.world.model import Heightfield, Mesh, World
 from fieldtruth.world.plants import GRASSES, TREES, grow_tree
 

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 import fieldtruth as ft
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.physics import build_physics
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive

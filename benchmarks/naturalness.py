@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from photo_figures import LUMINANCE, figures, made_narrower
 
 from fieldtruth.bench.sensors import poses_on_route
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, read_signal, with_overrides
@@ -60,7 +60,7 @@ def moving(pose: Array) -> Callable[[Any], Array]:
 
     def at(stamps: Any) -> Array:
         seconds = (np.atleast_1d(stamps) - STAMP_NS) / 1e9
-        steps = [frames.pose((SPEED * t, 0, 0), (0, 0, float(np.degrees(YAW_RATE * t)))) for t in seconds]
+        steps = [transforms.pose((SPEED * t, 0, 0), (0, 0, float(np.degrees(YAW_RATE * t)))) for t in seconds]
         poses = pose @ np.stack(steps)
         return np.asarray(poses if isinstance(stamps, np.ndarray) else poses[0])
 

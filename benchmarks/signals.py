@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -31,7 +31,7 @@ def poses_in(world: World, count: int) -> Iterator[NDArray[np.float64]]:
     rng, ground = np.random.default_rng(0), world.terrain.surface
     for _ in range(count):
         x, y = rng.uniform(-0.3, 0.3, 2) * np.array(world.size)
-        yield frames.pose((x, y, float(ground.height_at(x, y)) + 1.0), (0.0, 0.0, float(rng.uniform(0, 360))))
+        yield transforms.pose((x, y, float(ground.height_at(x, y)) + 1.0), (0.0, 0.0, float(rng.uniform(0, 360))))
 
 
 def configurations(sheet: dict[str, object]) -> dict[str, LidarConfig]:

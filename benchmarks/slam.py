@@ -36,7 +36,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
-from fieldtruth.exporters.slam_facts import read_facts
+from fieldtruth.exporters.slam_configs import read_facts
 from fieldtruth.pipeline import generate
 
 TOPIC: Final = "/os1_cloud_node/points"

@@ -18,9 +18,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.validation import Check
+from fieldtruth.validation import Check, world
 from fieldtruth.validation.context import RebuiltWorld
-from fieldtruth.validation.retrace import world
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
@@ -75,10 +74,10 @@ def flat_world() -> World:
 @pytest.fixture(scope="session")
 def small_ground_images() -> Iterator[None]:
     """Scenes for other tools with small images of the ground, because each of the full size takes a second."""
-    from fieldtruth.interchange import ground_image
+    from fieldtruth.interchange import ground
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ground_image, "GROUND_PIXELS", 128)
+        patch.setattr(ground, "GROUND_PIXELS", 128)
         yield
 
 
@@ -260,7 +259,7 @@ def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
     """Skies of 512 x 512 texels in tests of photographs and of the benchmark: one of the full size takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name in {"render", "simulation"} or request.path.name == "test_bench.py":
-            from fieldtruth.render.sky import dome
+            from fieldtruth.render import daylight
 
-            patch.setattr(dome, "SIZE", 512)
+            patch.setattr(daylight, "DOME_TEXELS", 512)
         yield

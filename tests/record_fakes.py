@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.bag.topics import topics_of
-from fieldtruth.core import frames, geodesy
+from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.plan import expected_seconds
@@ -57,7 +57,7 @@ def make_world(environment: str = "park", seed: int = 0, objects: int = 5) -> Wo
     field = Heightfield(heights=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
     instances = []
     for i in range(2, 2 + objects):
-        matrix = frames.pose((float(i), float(seed), 0.0), (0.0, 0.0, 20.0 * i))
+        matrix = transforms.pose((float(i), float(seed), 0.0), (0.0, 0.0, 20.0 * i))
         matrix[:3, :3] *= 1.0 + i / 10.0
         instances.append(Instance(name=f"tree_{i}", kind="tree", mesh="tree", object_id=i, world_from_object=matrix))
     return World(
@@ -89,13 +89,13 @@ def make_track(world: World, experiment: Experiment) -> Track:
     heading = 0.1 * t
     position = np.stack([3.0 * np.sin(heading), 3.0 * (1.0 - np.cos(heading)), 0.13 + 0.01 * t], axis=-1)
     rpy = np.stack([0.1 * np.sin(t), 0.05 * np.cos(t), heading], axis=-1)
-    rotation = np.stack([frames.pose((0, 0, 0), np.degrees(row).tolist())[:3, :3] for row in rpy])
+    rotation = np.stack([transforms.pose((0, 0, 0), np.degrees(row).tolist())[:3, :3] for row in rpy])
     speed = np.stack([0.3 * np.cos(heading), 0.3 * np.sin(heading), np.full_like(t, 0.01)], axis=-1)
     turn = np.stack([0.1 * np.cos(t), -0.05 * np.sin(t), np.full_like(t, 0.1)], axis=-1)
     motion = Motion(
         stamps_ns=stamps,
         position=position,
-        quaternion_wxyz=frames.quaternion_wxyz_from_rotation(rotation),
+        quaternion_wxyz=transforms.quaternion_wxyz_from_rotation(rotation),
         linear_velocity=speed,
         angular_velocity=turn,
     )
@@ -138,7 +138,7 @@ class FakeLidar:
         n = 50 + int(world_from_lidar[0, 3] * 1e4) % 50
         k = np.arange(n)
         return FakeScan(
-            xyz=frames.transform(world_from_lidar, np.stack([k, 2.0 * k, np.ones(n)], axis=-1)).astype(np.float32),
+            xyz=transforms.transform(world_from_lidar, np.stack([k, 2.0 * k, np.ones(n)], axis=-1)).astype(np.float32),
             label=(k % 13 + 1).astype(np.uint8),
             instance=(k * 600).astype(np.uint32),
             ring=(k % 64).astype(np.uint16),
@@ -158,7 +158,7 @@ class FakeCamera:
     def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> FakeImages:
         time.sleep(self.pause)
         height, width = self.config.height, self.config.width
-        x, y, z = frames.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]
+        x, y, z = transforms.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]
         shade = np.add.outer(np.arange(height), np.arange(width)) + 1000 * (x + 2 * y + 3 * z)
         label = (np.arange(width) % int(Label.SKY) + 1).astype(np.uint8)
         return FakeImages(

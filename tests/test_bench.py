@@ -19,7 +19,7 @@ from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
 from fieldtruth.bench.recording import Stretches, record, stretches_of
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import Experiment
@@ -74,7 +74,7 @@ def test_bare_distances_to_a_plane_match_closed_form(mode: Mode) -> None:
     scene.commit()
     directions = spread(32, 48)
     tracer = BareTracer(scene.handle, directions, far, mode)
-    for pose in (frames.pose((3, -2, 5), (10, -20, 30)), frames.pose((1, 1, 8))):
+    for pose in (transforms.pose((3, -2, 5), (10, -20, 30)), transforms.pose((1, 1, 8))):
         tracer.trace(pose)
         down = -(directions.astype(float) @ pose[2, :3])
         expected = np.where(down > 0, (pose[2, 3] - 1) / down, far).clip(max=far)
@@ -86,7 +86,7 @@ def test_best_mode_and_size_of_tiles() -> None:
     scene = RayScene(engine)
     scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     scene.commit()
-    assert best_mode(scene.handle, spread(16, 16), 9.0, [frames.pose((0, 0, 1))] * 2) in MODES
+    assert best_mode(scene.handle, spread(16, 16), 9.0, [transforms.pose((0, 0, 1))] * 2) in MODES
     with pytest.raises(ValueError, match="rays must be a multiple of tiles of 4 x 2, got 6 x 16"):
         BareTracer(scene.handle, spread(6, 16), 9.0, Mode(8, 4, True))
 
@@ -117,7 +117,7 @@ def test_poses_are_evenly_spaced_on_the_route_and_face_along_it(world: World) ->
     poses = np.stack(poses_on_route(EXPERIMENT.route, world, RIG, 4))
     np.testing.assert_allclose(metres_from_route(EXPERIMENT.route), [(-6, 0), (2, 0), (2, 8)], atol=1e-3)
     np.testing.assert_allclose(poses[:, :2, 3], [(-4, 0), (0, 0), (2, 2), (2, 6)], atol=0.05)
-    yaw = np.degrees(frames.yaw_from_rotation(poses[:, :3, :3]))
+    yaw = np.degrees(transforms.yaw_from_rotation(poses[:, :3, :3]))
     np.testing.assert_allclose(yaw, [0, 0, 90, 90], atol=0.1)
     ground = world.terrain.field.height_at(poses[:, 0, 3], poses[:, 1, 3])
     np.testing.assert_allclose(poses[:, 2, 3] - ground, 0.13228, atol=0.03)

@@ -59,7 +59,6 @@ _OF_EXTRAS: Final = {
     "fieldtruth.exporters.mcap": "mcap",
     "fieldtruth.exporters.stereo_depth": "cv2",
     "fieldtruth.interchange.usd": "pxr",
-    "fieldtruth.interchange.usd_prims": "pxr",
 }
 
 

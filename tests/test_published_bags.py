@@ -23,7 +23,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.types import STORE
 from fieldtruth.cli import main
-from fieldtruth.report.page import world_view
+from fieldtruth.report.page import map as page_map
 from fieldtruth.validation.runner import validate
 
 KINDS: Final = ("table5", "files")
@@ -113,7 +113,7 @@ def sections_of(page: Path) -> dict[str, str]:
 def test_the_report_shows_what_there_is(
     bags: dict[str, Path], small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(world_view, "WIDTH", 300)  # a large aerial view takes seconds
+    monkeypatch.setattr(page_map, "WIDTH", 300)  # a large aerial view takes seconds
     own, made = (
         sections_of(ft.write_report(run, out=tmp_path / f"{run.name}.html")) for run in (small_run, bags["files"])
     )

@@ -76,8 +76,8 @@ from .report.preview import preview as preview
 from .report.shares import ClassShares as ClassShares
 from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
-from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
+from .sense.scene import cast_rays as cast_rays
 from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
 from .sensors.camera.labels import LabelImages as LabelImages
@@ -103,7 +103,7 @@ from .validation.runner import validate as validate
 from .world.build import check_experiment as check_experiment
 from .world.build import load_world as load_world
 from .world.environments import list_environments as list_environments
-from .world.from_meshes import MeshPart as MeshPart
+from .world.model import MeshPart as MeshPart
 from .world.model import World as World
 
 __all__: list[str]

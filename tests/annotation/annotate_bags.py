@@ -15,7 +15,7 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCova
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
 from fieldtruth.bag import types as ros
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 
 ODOMETRY, STATES, STATIC = "/ground_truth/odom", "/gazebo/model_states", "/tf_static"
@@ -102,7 +102,7 @@ def odometry(
 ) -> Message:
     """nav_msgs/Odometry of a frame at ``pose`` (4, 4) in the world; its quaternion has the length ``length``."""
     still = TwistWithCovariance(ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0)), np.zeros(36))
-    quaternion = ros.quaternion(length * frames.quaternion_wxyz_from_rotation(pose[:3, :3]))
+    quaternion = ros.quaternion(length * transforms.quaternion_wxyz_from_rotation(pose[:3, :3]))
     located = PoseWithCovariance(ros.Pose(ros.point(pose[:3, 3]), quaternion), np.zeros(36))
     message = Odometry(ros.header(0, stamp, "world"), child, located, still)
     data = ros.serialize(message, "nav_msgs/msg/Odometry")
@@ -112,7 +112,7 @@ def odometry(
 def states(stamp: int, models: dict[str, Array]) -> Message:
     """gazebo_msgs/ModelStates of models at (4, 4) in the world."""
     poses = [
-        ros.Pose(ros.point(pose[:3, 3]), ros.quaternion(frames.quaternion_wxyz_from_rotation(pose[:3, :3])))
+        ros.Pose(ros.point(pose[:3, 3]), ros.quaternion(transforms.quaternion_wxyz_from_rotation(pose[:3, :3])))
         for pose in models.values()
     ]
     still = ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0))
@@ -132,12 +132,12 @@ def static(transforms: dict[tuple[str, str], Array], stamp: int = 1) -> Message:
 
 def true_pose(t: float) -> Array:
     """Pose of a robot after ``t`` seconds: 0.3 m/s to the north-west, turning by 0.5 rad/s, pitched by 4 deg."""
-    return frames.pose((0.2 * t, 0.1 * t, 0.4 + 0.05 * t), (0.0, 4.0, np.degrees(0.5 * t)))
+    return transforms.pose((0.2 * t, 0.1 * t, 0.4 + 0.05 * t), (0.0, 4.0, np.degrees(0.5 * t)))
 
 
 def rough(t: float) -> Array:
     """The same path over rough ground: no two steps are equal."""
-    return true_pose(t) @ frames.pose(
+    return true_pose(t) @ transforms.pose(
         (0.01 * np.sin(70.0 * t), 0.0, 0.02 * np.sin(90.0 * t)), (3.0 * np.sin(80.0 * t), 0, 0)
     )
 

@@ -18,7 +18,7 @@ from annotate_bags import stored, write
 from fieldtruth import annotation
 from fieldtruth.annotation import annotate
 from fieldtruth.bag.decode import image, points, read_bag, stamp_ns, static_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import paper_rig
@@ -87,12 +87,12 @@ def test_our_clouds_are_gazebos_except_at_edges(annotated: Path) -> None:
 def test_tag_images_show_the_classes_of_gazebos_points(annotated: Path) -> None:
     """The camera is beside the LiDAR, so that some points are hidden from it; nearly all of them are not."""
     optical = RIG.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-    optical_from_lidar = frames.inverse(optical) @ RIG.lidar.mount.base_from_sensor
+    optical_from_lidar = transforms.inverse(optical) @ RIG.lidar.mount.base_from_sensor
     tags = [image(reading.message) for reading in read_bag(annotated, ["/stereo/camera/left/tag/img_raw"])]
     same = []
     for tag, reading in zip(tags, read_bag(annotated, [GAZEBO]), strict=True):
         cloud = points(reading.message)
-        seen = frames.transform(optical_from_lidar, np.stack([cloud[axis] for axis in "xyz"], axis=1))
+        seen = transforms.transform(optical_from_lidar, np.stack([cloud[axis] for axis in "xyz"], axis=1))
         seen, label = seen[seen[:, 2] > 0.5], cloud["intensity"][seen[:, 2] > 0.5].astype(int)
         column, row = np.rint((seen @ camera_matrix(RIG.stereo).T)[:, :2] / seen[:, 2:]).astype(int).T
         inside = (column >= 0) & (column < RIG.stereo.width) & (row >= 0) & (row < RIG.stereo.height)

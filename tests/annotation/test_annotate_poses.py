@@ -15,7 +15,7 @@ from fieldtruth.annotation.check import check_frames
 from fieldtruth.annotation.poses import Poses, read_poses
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -26,7 +26,7 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 RIG = Rig()
-FOOTPRINT = frames.pose((0.0, 0.0, -0.13228))
+FOOTPRINT = transforms.pose((0.0, 0.0, -0.13228))
 
 
 def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> Poses:
@@ -98,7 +98,7 @@ def test_readings_are_recorded_with_the_next_pose(tmp_path: Path) -> None:
 
 
 def test_messages_before_the_clock_starts_or_the_robot_is_spawned_are_skipped(tmp_path: Path) -> None:
-    early = odometry(0, frames.pose((9.0, 9.0, 9.0)), recorded=1)
+    early = odometry(0, transforms.pose((9.0, 9.0, 9.0)), recorded=1)
     assert_on_the_path(poses_of(tmp_path, [early, *drive()]), [20_000_000, 40_000_000])
     moving = [states(k * 20_000_000, {"tree": np.eye(4), "robot": true_pose(k / 50)}) for k in range(3, 20)]
     first = states(20_000_000, {"tree": np.eye(4)})
@@ -119,7 +119,11 @@ def test_first_of_several_poses_with_one_stamp_is_used(tmp_path: Path) -> None:
         ("/base_link", {}, np.eye(4)),
         ("", {}, np.eye(4)),
         ("base_footprint", {}, FOOTPRINT),
-        ("base_footprint", {("base_footprint", "base_link"): frames.pose((0.0, 0.0, 0.2))}, frames.pose((0, 0, -0.2))),
+        (
+            "base_footprint",
+            {("base_footprint", "base_link"): transforms.pose((0.0, 0.0, 0.2))},
+            transforms.pose((0, 0, -0.2)),
+        ),
         (
             "mast",
             {("base_link", "arm"): true_pose(1.0), ("arm", "mast"): true_pose(2.0)},
@@ -139,7 +143,7 @@ def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
     left = RIG.stereo.left.base_from_sensor
     over_the_mast = {
         ("base_link", "mast"): true_pose(1.0),
-        ("mast", "left_camera"): frames.inverse(true_pose(1.0)) @ left,
+        ("mast", "left_camera"): transforms.inverse(true_pose(1.0)) @ left,
     }
     optical = {("left_camera", "left_camera_optical"): CAMERA_FROM_OPTICAL}
     run = open_run(write(tmp_path / "x.bag", [static(over_the_mast), static(optical, 2), *drive()]))
@@ -162,12 +166,12 @@ def gap(park: World) -> list[Message]:
 
 def moved_object(park: World) -> list[Message]:
     models = {instance.name: instance.world_from_object for instance in park.instances[:3]}
-    models[park.instances[1].name] = park.instances[1].world_from_object + frames.pose((0.1, 0.0, 0.0)) - np.eye(4)
+    models[park.instances[1].name] = park.instances[1].world_from_object + transforms.pose((0.1, 0.0, 0.0)) - np.eye(4)
     return [states(k * 20_000_000, {**models, "husky": true_pose(k / 50)}) for k in range(1, 20)]
 
 
 def other_camera(park: World) -> list[Message]:
-    return [static({("base_link", "right_camera"): frames.pose((0.15, -0.06, 0.72), (0, 91, 0))}), *drive()]
+    return [static({("base_link", "right_camera"): transforms.pose((0.15, -0.06, 0.72), (0, 91, 0))}), *drive()]
 
 
 def halves(park: World) -> list[Message]:
@@ -221,7 +225,11 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
         lambda _: drive(lambda t: true_pose(t) + 26.0 * np.eye(4, k=2)),
         "outside of park, which spans x -50 to 50 m",
     ),
-    ("below", lambda _: drive(lambda t: frames.pose((0, 0, -1.0))), "with seed 0; was it recorded in another world?"),
+    (
+        "below",
+        lambda _: drive(lambda t: transforms.pose((0, 0, -1.0))),
+        "with seed 0; was it recorded in another world?",
+    ),
     (
         "type",
         lambda _: of_type("/ground_truth/odom", "std_msgs/msg/Float32"),

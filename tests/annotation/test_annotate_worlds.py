@@ -15,7 +15,7 @@ from annotate_bags import odometry, states, true_pose, write
 
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.run import open_run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning
 from fieldtruth.gazebo import DEFAULT_LAYOUT
@@ -88,7 +88,7 @@ def without(name: str) -> Callable[[Models], Models]:
 
 
 def turned(models: Models) -> Models:
-    return {**models, "bench_1": models["bench_1"] @ frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, 15.0))}
+    return {**models, "bench_1": models["bench_1"] @ transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, 15.0))}
 
 
 def lost(models: Models) -> Models:

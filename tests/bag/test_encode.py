@@ -11,7 +11,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag import robot_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
 from fieldtruth.experiment.fields import Mount
@@ -87,7 +87,7 @@ def test_navsat() -> None:
 
 def test_twist_of_odometry_is_in_base_link() -> None:
     # The robot looks north-west and moves to the west: half of it forwards, half of it to its left.
-    q = frames.quaternion_wxyz_from_rotation(frames.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
+    q = transforms.quaternion_wxyz_from_rotation(transforms.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
     state = State(np.array([1.0, 2.0, 3.0]), q, np.array([0.0, 1.0, 0.5]), np.array([1.0, 0.0, 0.25]))
     message = back(robot_messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
     half = np.sqrt(0.5)
@@ -116,7 +116,7 @@ def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
     assert xyz(message.twist[0].angular) == TRACK.motion.angular_velocity[499].tolist()
     assert xyz(message.pose[1].position) == [0.0, 0.0, 0.0]
     for i in range(2, 7):
-        pose = frames.pose((float(i), 0.0, 0.0), (0.0, 0.0, 20.0 * i))
+        pose = transforms.pose((float(i), 0.0, 0.0), (0.0, 0.0, 20.0 * i))
         np.testing.assert_allclose(read.pose_matrix(message.pose[i]), pose, atol=1e-12)
         assert xyz(message.twist[i].linear) == [0.0, 0.0, 0.0]
 
@@ -241,7 +241,7 @@ def test_projection_matrices_agree_with_the_transforms() -> None:
     config = StereoConfig(baseline=0.3, mount=Mount(xyz=(0.3, -0.05, 0.7), rpy_deg=(0, 90, 0)))
     point_base = np.array([[5.0, 0.7, 1.1]])
     in_left, in_right = (
-        frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), point_base)[0]
+        transforms.transform(transforms.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), point_base)[0]
         for mount in (config.left, config.right)
     )
     pixel = camera.camera_matrix(config) @ in_right
@@ -267,7 +267,7 @@ def test_state_between_two_rows() -> None:
     np.testing.assert_allclose(middle.position, 0.75 * before + 0.25 * after, rtol=1e-15)
     # roll, pitch and yaw of the fake drive at that stamp, to second order in 1 ms
     t = 0.50025
-    attitude = frames.pose((0, 0, 0), np.degrees([0.1 * np.sin(t), 0.05 * np.cos(t), 0.1 * t]).tolist())
+    attitude = transforms.pose((0, 0, 0), np.degrees([0.1 * np.sin(t), 0.05 * np.cos(t), 0.1 * t]).tolist())
     np.testing.assert_allclose(middle.world_from_base[:3, :3], attitude[:3, :3], atol=1e-7)
 
 

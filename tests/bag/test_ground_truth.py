@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import image, points, pose_matrix, read_bag, stamp_ns, static_transforms
-from fieldtruth.core import frames, geodesy
+from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
@@ -62,7 +62,7 @@ def test_lidar_points_land_on_pixels_of_their_class_and_depth(park_bag: Path, si
         info, cloud = infos[stamp], points(clouds[stamp])
         fx, _, cx, _, fy, cy, *_ = info.K
         xyz = np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=-1)
-        seen = frames.transform(frames.inverse(base_from_optical) @ base_from_lidar, xyz)
+        seen = transforms.transform(transforms.inverse(base_from_optical) @ base_from_lidar, xyz)
         depth_image = camera.label(pose_matrix(odometry[stamp].pose.pose) @ base_from_optical).depth
         label_image = labels_of(image(tags[stamp]))
         front = seen[:, 2] > 0.3
@@ -141,7 +141,7 @@ def test_gnss_and_imu_agree_with_the_true_pose(park_bag: Path) -> None:
         assert np.linalg.norm(told - antenna) < 1e-3
     for stamp, reading in messages(park_bag, "/imu/data").items():
         q = reading.orientation
-        world_from_imu = frames.rotation_from_quaternion_wxyz([q.w, q.x, q.y, q.z])
+        world_from_imu = transforms.rotation_from_quaternion_wxyz([q.w, q.x, q.y, q.z])
         world_from_base = world_from_imu @ static["base_link", "imu_link"][:3, :3].T
         assert np.allclose(world_from_base, pose_matrix(odometry[stamp].pose.pose)[:3, :3], atol=1e-9)
 

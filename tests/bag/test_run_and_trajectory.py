@@ -14,7 +14,7 @@ from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import Trajectory, _from_model_states, read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 
@@ -104,15 +104,15 @@ def test_both_topics_give_the_same_trajectory(small_run: Path, tmp_path: Path) -
 
 
 def test_poses_are_interpolated_linearly_and_spherically() -> None:
-    turn = [frames.pose((0, 0, 0), (0, 0, yaw)) for yaw in (0.0, 90.0)]
+    turn = [transforms.pose((0, 0, 0), (0, 0, yaw)) for yaw in (0.0, 90.0)]
     way = Trajectory(
         np.array([1000, 2000]),
         np.array([[0.0, 0.0, 0.0], [2.0, 4.0, 0.0]]),
         # the same attitude has two signs
-        np.stack([1, -1])[:, None] * np.stack([frames.quaternion_wxyz_from_rotation(t[:3, :3]) for t in turn]),
+        np.stack([1, -1])[:, None] * np.stack([transforms.quaternion_wxyz_from_rotation(t[:3, :3]) for t in turn]),
     )
-    assert np.allclose(way.world_from_base(1250), frames.pose((0.5, 1.0, 0.0), (0, 0, 22.5)), atol=1e-12)
-    assert np.allclose(way.world_from_base(2000), frames.pose((2.0, 4.0, 0.0), (0, 0, 90.0)), atol=1e-12)
+    assert np.allclose(way.world_from_base(1250), transforms.pose((0.5, 1.0, 0.0), (0, 0, 22.5)), atol=1e-12)
+    assert np.allclose(way.world_from_base(2000), transforms.pose((2.0, 4.0, 0.0), (0, 0, 90.0)), atol=1e-12)
     assert np.allclose(way.world_from_base(500), turn[0])
     assert way.length_m == pytest.approx(20**0.5)
     with pytest.raises(BagError, match="no true pose at 3001 ns; poses range from 1000 to 2000 ns"):

@@ -21,7 +21,7 @@ from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, TrackError, UnknownNameError
 from fieldtruth.experiment.config import DriveConfig
@@ -74,7 +74,7 @@ def test_every_form_is_read_to_the_nanosecond(name: str, tmp_path: Path) -> None
     file = read(tmp_path, name, FORMS[name])
     assert (file.name, file.frame, file.stamps) == (name, "base_link", list(NS))
     np.testing.assert_array_equal(file.poses.position, XYZ)
-    np.testing.assert_allclose(frames.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW, atol=1e-15)
+    np.testing.assert_allclose(transforms.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -87,11 +87,11 @@ def test_the_copy_of_a_file_reads_as_the_file_itself(name: str, tmp_path: Path) 
 
 
 def test_poses_of_a_sensor_in_another_reference_frame_become_those_of_base_link(tmp_path: Path) -> None:
-    rig, world_from_base = Rig(), frames.pose_from_quaternion_wxyz(XYZ, frames.wxyz_from_xyzw(XYZW))
+    rig, world_from_base = Rig(), transforms.pose_from_quaternion_wxyz(XYZ, transforms.wxyz_from_xyzw(XYZW))
     place = Mount(xyz=(3.0, -2.0, 1.0), rpy_deg=(0.0, 0.0, 90.0))
     base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-    seen = frames.inverse(place.base_from_sensor) @ world_from_base @ base_from_optical
-    quaternions = frames.xyzw_from_wxyz(frames.quaternion_wxyz_from_rotation(seen[:, :3, :3]))
+    seen = transforms.inverse(place.base_from_sensor) @ world_from_base @ base_from_optical
+    quaternions = transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(seen[:, :3, :3]))
     rows = zip(TIMES, seen[:, :3, 3].tolist(), quaternions.tolist(), strict=True)
     text = "\n".join(joined(" ", t, *xyz, *xyzw) for t, xyz, xyzw in rows)
     config = {"pose_of": "left_camera_optical", "world_from_track": place.model_dump()}
@@ -100,7 +100,7 @@ def test_poses_of_a_sensor_in_another_reference_frame_become_those_of_base_link(
     )
     np.testing.assert_allclose(poses.position, XYZ, atol=1e-14)
     np.testing.assert_allclose(
-        frames.rotation_from_quaternion_wxyz(poses.quaternion_wxyz), world_from_base[:, :3, :3], atol=1e-14
+        transforms.rotation_from_quaternion_wxyz(poses.quaternion_wxyz), world_from_base[:, :3, :3], atol=1e-14
     )
 
 
@@ -302,6 +302,6 @@ def test_a_database_of_ros_2_gives_its_odometry(tmp_path: Path) -> None:
         file = read_track_file(DriveConfig(track=str(path), topic="/mavros/odom"))
         assert (file.frame, file.stamps) == ("os1_lidar", list(NS))
         np.testing.assert_array_equal(file.poses.position, XYZ)
-        np.testing.assert_array_equal(frames.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW)
+        np.testing.assert_array_equal(transforms.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW)
     with pytest.raises(TrackError, match=r"neither /ground_truth/odom nor.*; set drive\.topic to one of /mavros/odom"):
         read_track_file(DriveConfig(track=str(tmp_path / "drone")))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
@@ -130,7 +130,7 @@ def obstacle(
     name: str, shape: str, size: tuple[float, ...], x: float, y: float, **pose: float
 ) -> tuple[str, Collider, F8]:
     """A collider at x, y; ``pose``: height z [m] of its base, yaw [deg] and scale of the object."""
-    world_from_object = frames.pose((x, y, pose.get("z", 0.0)), (0.0, 0.0, pose.get("yaw", 0.0)))
+    world_from_object = transforms.pose((x, y, pose.get("z", 0.0)), (0.0, 0.0, pose.get("yaw", 0.0)))
     world_from_object[:3, :3] *= pose.get("scale", 1.0)
     return name, Collider(shape=shape, size=size), world_from_object  # type: ignore[arg-type]
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from series import fixes_along, imu_along, tachometers_along
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.core.geodesy import world_from_geodetic
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.steps import steps_at_rate

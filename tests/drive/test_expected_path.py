@@ -5,7 +5,7 @@
 import numpy as np
 from drive_worlds import make_experiment, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.rig import Rig
@@ -40,7 +40,7 @@ def test_pose_on_ground_is_the_nominal_height_above_the_ground() -> None:
     pose = pose_on_ground(
         make_world(lambda x, y: 3.0 + 0.0 * (x + y)).terrain.field, np.array([4.0, -2.0, np.pi / 2]), Rig()
     )
-    np.testing.assert_allclose(pose, frames.pose((4.0, -2.0, 3.13228), (0, 0, 90)), atol=1e-9)
+    np.testing.assert_allclose(pose, transforms.pose((4.0, -2.0, 3.13228), (0, 0, 90)), atol=1e-9)
 
 
 def test_experiments_are_found_by_their_environment() -> None:

@@ -10,7 +10,7 @@ from series import imu_along
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.given_motion import motion_along, track_along
 from fieldtruth.drive.track import ImuReadings, Motion, Track
 from fieldtruth.experiment.fields import Mount

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drive_worlds import F8, make_robot, make_world, tilted
 
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.physics import build_physics
 from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.experiment.rig import Rig

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.drive.given_motion import motion_along
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive

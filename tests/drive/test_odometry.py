@@ -8,7 +8,7 @@ from drive_worlds import make_experiment, make_world, tilted
 from series import odometry_along
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track, WheelMotion, WheelOdometry
 from fieldtruth.experiment.rig import Rig

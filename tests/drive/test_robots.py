@@ -15,7 +15,7 @@ import fieldtruth as ft
 from fieldtruth.bag.base_messages import wheel_transforms
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.errors import ConfigurationError, RouteError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive import simulate
 from fieldtruth.drive.ground import bump_height
 from fieldtruth.drive.outlines import obstacle_height

@@ -18,7 +18,7 @@ from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.kernels.soil import compaction, sinkage
-from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.materials import GROUND_TYPES
 from fieldtruth.world.model import Raster, World
 
 RADIUS = WheelConfig().radius

@@ -10,7 +10,7 @@ from drive_worlds import hills, make_experiment, make_world, obstacle, tilted
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive import parts
 from fieldtruth.drive.outlines import distance_to, obstacle_outlines
 from fieldtruth.drive.standing import standing_robot

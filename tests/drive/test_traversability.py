@@ -9,7 +9,7 @@ import pytest
 from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted, with_stones
 from sense_worlds import at, box, make_mesh
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.outlines import Outline, distance_to, gap_to, max_step, obstacle_outlines, stone_outlines
 from fieldtruth.drive.traversability import CELL, Blockage, Traversability, robot_radius
@@ -51,8 +51,8 @@ def test_outlines_are_of_colliders_between_ground_and_robot_height() -> None:
 
 def test_fallen_trunk_blocks_its_length_and_leaning_trunk_its_low_part() -> None:
     trunk = Collider(shape="cylinder", size=(0.2, 6.0))
-    lying = frames.pose((0.0, 0.0, 0.15), (0.0, 90.0, 0.0))
-    leaning = frames.pose((0.0, 5.0, 0.0), (0.0, 60.0, 0.0))  # 60 deg off the vertical, towards +x
+    lying = transforms.pose((0.0, 0.0, 0.15), (0.0, 90.0, 0.0))
+    leaning = transforms.pose((0.0, 5.0, 0.0), (0.0, 60.0, 0.0))  # 60 deg off the vertical, towards +x
     low, high = obstacle_outlines(make_world(obstacles=[("lying", trunk, lying), ("leaning", trunk, leaning)]))
     np.testing.assert_allclose([low.corners.min(axis=0), low.corners.max(axis=0)], [(0.0, -0.2), (6.0, 0.2)], atol=0.01)
     # Its underside rises above 1.2 m at (1.2 + 0.2 sin 60) / cos 60 along the axis.

@@ -11,7 +11,7 @@ from many_sensors import many_rig, many_sensors
 
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
@@ -108,7 +108,7 @@ def test_a_camera_looks_along_x_and_a_pairs_right_camera_is_to_the_right() -> No
     )
     np.testing.assert_allclose(front.base_from_optical[:3, 2], [1, 0, 0], atol=1e-15)  # forward
     np.testing.assert_allclose(front.base_from_optical[:3, 0], [0, -1, 0], atol=1e-15)  # right
-    left_from_right = frames.inverse(left.base_from_optical) @ right.base_from_optical
+    left_from_right = transforms.inverse(left.base_from_optical) @ right.base_from_optical
     np.testing.assert_allclose(left_from_right[:3, 3], [0.1, 0, 0], atol=1e-15)
     assert (left.baseline, right.baseline) == (0.0, 0.1)
 

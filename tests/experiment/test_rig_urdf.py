@@ -12,7 +12,7 @@ from many_sensors import many_rig
 
 from fieldtruth import ConfigurationError, dump_experiment, load_experiment, parse_experiment
 from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import FORMATS
 
@@ -91,7 +91,7 @@ def test_poses_are_those_along_the_chain_of_fixed_joints(tmp_path: Path) -> None
     assert pair.frames()["eye_right"].xyz == pytest.approx((0.3, 0.05, 0.8), abs=1e-12)
     assert antenna.frames()["mast"].xyz == (0.0, 0.0, 1.0)  # what is given stays
     turned = pair.frames()["eye_left"].base_from_sensor[:3, :3]
-    np.testing.assert_allclose(turned, frames.pose((0, 0, 0), (0, 0, 90))[:3, :3], atol=1e-12)
+    np.testing.assert_allclose(turned, transforms.pose((0, 0, 0), (0, 0, 90))[:3, :3], atol=1e-12)
 
 
 def test_the_short_form_takes_frames_of_the_urdf_too(tmp_path: Path) -> None:
@@ -188,6 +188,6 @@ def test_angles_give_their_rotation_back_at_every_pitch() -> None:
     for near in (0.0, 1e-10, 1e-8, 1e-6, 1e-3, 1.0, 30.0):
         for roll, yaw in random.uniform(-180.0, 180.0, (50, 2)):
             for pitch in (90.0 - near, near - 90.0):
-                rotation = frames.pose((0.0, 0.0, 0.0), (roll, pitch, yaw))[:3, :3]
-                again = frames.pose((0.0, 0.0, 0.0), frames.rpy_deg_from_rotation(rotation).tolist())[:3, :3]
+                rotation = transforms.pose((0.0, 0.0, 0.0), (roll, pitch, yaw))[:3, :3]
+                again = transforms.pose((0.0, 0.0, 0.0), transforms.rpy_deg_from_rotation(rotation).tolist())[:3, :3]
                 np.testing.assert_allclose(again, rotation, rtol=0, atol=1e-11)

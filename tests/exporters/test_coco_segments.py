@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pycocotools import mask as masks
 
-from fieldtruth.exporters.coco_segments import STUFF, Numbering, categories_of, segments_of
+from fieldtruth.exporters.coco import STUFF, Numbering, categories_of, segments_of
 from fieldtruth.world.build import load_world
 
 

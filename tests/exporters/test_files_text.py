@@ -26,7 +26,7 @@ from files_reader import (
 )
 
 from fieldtruth.exporters import export
-from fieldtruth.exporters.files_text import points_csv
+from fieldtruth.exporters.files import points_csv
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fieldtruth.exporters.geometry_files import flow_flo, flow_png, normals_png
-from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
+from fieldtruth.exporters.image_files import flow_flo, flow_png, normals_png
+from fieldtruth.report.drawing.images import flow_colours, normal_colours
 
 SHAPE = (5, 7)
 

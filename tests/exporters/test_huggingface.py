@@ -19,7 +19,7 @@ from published_truth import Truth, publish, read_truth
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
-from fieldtruth.exporters.tiff import encode_tiff
+from fieldtruth.exporters.image_files import encode_tiff
 from fieldtruth.ontology.label_map import LABEL_MAPS
 
 

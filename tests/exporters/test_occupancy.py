@@ -12,11 +12,11 @@ from sense_worlds import at, box, make_mesh, make_world
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
-from fieldtruth.exporters.voxels import Lattice, lattice_of, voxels_of
+from fieldtruth.exporters.occupancy import Lattice, lattice_of, voxels_of
 from fieldtruth.world.model import Raster, World
 
 Rows = set[tuple[int, ...]]
@@ -97,7 +97,7 @@ def test_every_point_of_a_lidar_is_in_a_voxel_of_its_class(small_run: Path, tmp_
     for reading in read_bag(run.bag, [lidar.topic]):
         cloud = points(reading.message)
         pose = trajectory.world_from_base(stamp_ns(reading.message.header)) @ lidar.mount.base_from_sensor
-        xyz = frames.transform(pose, np.stack([cloud[axis] for axis in "xyz"], axis=1).astype(float))
+        xyz = transforms.transform(pose, np.stack([cloud[axis] for axis in "xyz"], axis=1).astype(float))
         cells = (xyz - grid["origin"]) / grid["voxel_m"]
         inside = ((cells > 0.1) & (cells < grid["shape"] - 0.1)).all(axis=1)
         total += int(inside.sum())

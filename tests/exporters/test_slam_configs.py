@@ -21,7 +21,7 @@ from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.exporters import export
-from fieldtruth.exporters.slam_facts import ASSUMED_NOISE
+from fieldtruth.exporters.slam_configs import ASSUMED_NOISE
 
 
 @pytest.fixture(scope="module")

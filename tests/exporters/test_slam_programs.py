@@ -8,9 +8,21 @@ import numpy as np
 import pytest
 import yaml
 
-from fieldtruth.exporters.slam_facts import ASSUMED_NOISE, Facts, ImuFacts, ImuNoise, LidarFacts, ViewFacts, noise_of
-from fieldtruth.exporters.slam_programs import fast_lio2, kiss_icp, lio_sam, rko_lio
-from fieldtruth.exporters.slam_visual import open_vins, orb_slam3
+from fieldtruth.exporters.slam_configs import (
+    ASSUMED_NOISE,
+    Facts,
+    ImuFacts,
+    ImuNoise,
+    LidarFacts,
+    ViewFacts,
+    fast_lio2,
+    kiss_icp,
+    lio_sam,
+    noise_of,
+    open_vins,
+    orb_slam3,
+    rko_lio,
+)
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.signal import ImuSignal
 

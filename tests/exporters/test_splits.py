@@ -10,7 +10,7 @@ from published_truth import as_world
 
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.exporters.splits import find_members
+from fieldtruth.exporters.frames import find_members
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
-from fieldtruth.exporters.stereo_depth import disparity
-from fieldtruth.exporters.stereo_errors import EDGES, errors_csv, errors_of
+from fieldtruth.exporters.stereo_depth import EDGES, disparity, errors_csv, errors_of
 
 WIDTH, HEIGHT = 320, 184
 

@@ -17,7 +17,7 @@ from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.exporters import export
@@ -31,7 +31,7 @@ from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
 HALF: Final = np.array([1.0, 0.5, 0.75])
-EYE: Final = frames.pose((0.0, 0.0, 1.0)) @ OPTICAL
+EYE: Final = transforms.pose((0.0, 0.0, 1.0)) @ OPTICAL
 CORNERS: Final = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 LENSES: Final[dict[str, dict[str, Any]]] = {
     "pinhole": {},
@@ -62,7 +62,7 @@ def projected(config: CameraConfig, pose: F8, scale: float = 1.0) -> F8:
 
 
 def test_the_box_of_an_object_is_turned_and_scaled_with_it() -> None:
-    pose = frames.pose((3.0, -2.0, 0.5), (10.0, 20.0, 70.0))
+    pose = transforms.pose((3.0, -2.0, 0.5), (10.0, 20.0, 70.0))
     scaled = pose.copy()
     scaled[:3, :3] *= 1.5
     world = world_with(scaled)
@@ -70,10 +70,10 @@ def test_the_box_of_an_object_is_turned_and_scaled_with_it() -> None:
     assert found.centre == pytest.approx([3.0, -2.0, 0.5])
     assert found.size == pytest.approx(3.0 * HALF)
     assert found.rotation == pytest.approx(pose[:3, :3])
-    surface = frames.transform(pose, CORNERS * HALF * 1.5)
+    surface = transforms.transform(pose, CORNERS * HALF * 1.5)
     assert found.contains(surface, 1e-6).all()
     assert not found.contains(surface * 1.0 + 0.01 * (surface - found.centre)).any()
-    moved = found.in_frame(frames.inverse(pose))
+    moved = found.in_frame(transforms.inverse(pose))
     assert moved.centre == pytest.approx(np.zeros(3), abs=1e-9)
     assert moved.rotation == pytest.approx(np.eye(3), abs=1e-9)
 
@@ -81,7 +81,7 @@ def test_the_box_of_an_object_is_turned_and_scaled_with_it() -> None:
 def test_bounds_are_those_of_the_corners_whether_inside_the_image_or_not() -> None:
     config = camera_of()
     for xyz in ((8.0, 0.0, 1.0), (6.0, 4.0, 0.2), (5.0, -9.0, 3.0)):
-        pose = frames.pose(xyz, (5.0, -10.0, 35.0))
+        pose = transforms.pose(xyz, (5.0, -10.0, 35.0))
         bounds = WholeObjects(world_with(pose), config).bounds(2, EYE)
         corners = projected(config, pose)
         assert bounds == pytest.approx([*corners.min(axis=0), *corners.max(axis=0)], abs=1e-3)
@@ -95,7 +95,7 @@ def test_bounds_are_those_of_the_corners_whether_inside_the_image_or_not() -> No
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_a_silhouette_is_that_of_the_object_alone(lens: str) -> None:
-    config, hidden = camera_of(lens), frames.pose((9.0, 0.6, 1.0), (0.0, 0.0, 30.0))
+    config, hidden = camera_of(lens), transforms.pose((9.0, 0.6, 1.0), (0.0, 0.0, 30.0))
     poses = (hidden, at(5.0, 0.0, 0.6), at(0.3, 0.4, 0.0), at(7.0, -5.2, 1.0))
     whole = WholeObjects(world_with(*poses), config)
     together = LabelCamera(config, Scene(world_with(*poses))).label(EYE).instance
@@ -105,7 +105,7 @@ def test_a_silhouette_is_that_of_the_object_alone(lens: str) -> None:
         assert found.pixels == len(u)
         assert found.bbox == [u.min(), v.min(), np.ptp(u) + 1, np.ptp(v) + 1]
     assert 0 < (together == 2).sum() < 0.8 * whole.silhouette(2, EYE).pixels
-    assert whole.silhouette(2, frames.pose((0.0, 0.0, 1.0), (0.0, 0.0, 180.0)) @ OPTICAL).pixels == 0
+    assert whole.silhouette(2, transforms.pose((0.0, 0.0, 1.0), (0.0, 0.0, 180.0)) @ OPTICAL).pixels == 0
 
 
 def test_a_silhouette_of_a_class_is_that_of_its_faces() -> None:
@@ -120,7 +120,7 @@ def test_a_silhouette_of_a_class_is_that_of_its_faces() -> None:
 
 @pytest.mark.parametrize("yaw", [0.0, 30.0, -100.0])
 def test_kittis_box_of_an_upright_block(yaw: float) -> None:
-    world = world_with(frames.pose((8.0, 2.0, 1.2), (0.0, 0.0, yaw)))
+    world = world_with(transforms.pose((8.0, 2.0, 1.2), (0.0, 0.0, yaw)))
     found = kitti_box(world, 2, EYE, WholeObjects(world, camera_of()))
     assert [found.length, found.width, found.height] == pytest.approx(2 * HALF)
     assert found.location == pytest.approx([-2.0, -0.2 + 0.75, 8.0], abs=1e-6)  # right, down to its bottom, ahead
@@ -144,7 +144,7 @@ class Scans:
             cloud, stamp = points(reading.message), stamp_ns(reading.message.header)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=1).astype(float)
             world_from_lidar = self.trajectory.world_from_base(stamp) @ self.base_from_lidar
-            self.at[stamp] = frames.transform(world_from_lidar, xyz), cloud["instance"]
+            self.at[stamp] = transforms.transform(world_from_lidar, xyz), cloud["instance"]
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def test_coco_has_boxes_of_whole_objects_on_request(small_run: Path, scans: Scan
         assert fy + fh >= ay + ah - 1.0
         pose, box_3d = np.array(images[each["image_id"]]["world_from_camera"]), each["box_3d"]
         world = world_boxes[each["object_id"]]
-        assert frames.transform(pose, [box_3d["center"]])[0] == pytest.approx(world["center"], abs=1e-6)
+        assert transforms.transform(pose, [box_3d["center"]])[0] == pytest.approx(world["center"], abs=1e-6)
         assert pose[:3, :3] @ np.array(box_3d["rotation"]) == pytest.approx(np.array(world["rotation"]), abs=1e-6)
     assert not any("amodal_bbox" in each for each in document["annotations"] if not each["object_id"])
     xyz, ids = next(iter(scans.at.values()))

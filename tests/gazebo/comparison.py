@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
@@ -25,7 +25,7 @@ from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.tracer import ReferenceTracer
 
 RANGE: Final = 0.005
 """Largest difference [m] of two ranges that are equal."""
@@ -121,7 +121,7 @@ def _behind_seam(tracers: Iterable[ReferenceTracer], origin: Array, direction: A
 def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:
     """Whether rays within ``NEARBY`` of a direction (3,) meet two classes, or ranges with a step between neighbours."""
     x, y, z = direction
-    world_from_body = frames.pose(origin.tolist(), (0.0, -np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x))))
+    world_from_body = transforms.pose(origin.tolist(), (0.0, -np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x))))
     focal, centre = BUNDLE / 2 / NEARBY, BUNDLE / 2 - 0.5
     images = _bundle(scene, world_from_body @ OPTICAL, Pinhole(focal, focal, centre, centre))
     depth = images.depth.astype(np.float64)

@@ -16,7 +16,7 @@ from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.topics import ODOMETRY
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose_from_quaternion_wxyz, rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import pose_from_quaternion_wxyz, rotation_from_quaternion_wxyz
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.experiment.topic import WHEELS

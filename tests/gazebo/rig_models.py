@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
@@ -41,7 +41,7 @@ def tour(poses: Sequence[Array]) -> str:
 
 def _model(rig: Rig, lidar: bool, camera: bool) -> str:
     # A ray sensor takes Gazebo 3 GB and 10 s to load, so that one has to make all scans.
-    left = frames.inverse(OPTICAL @ frames.inverse(rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL))
+    left = transforms.inverse(OPTICAL @ transforms.inverse(rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL))
     return (
         "<model name='rig'><pose>0 0 1000 0 0 0</pose><link name='link'><gravity>false</gravity>"
         + _sensor("imu", "imu", _mount(rig.imu.mount), "")

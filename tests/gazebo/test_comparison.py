@@ -9,7 +9,7 @@ import pytest
 from comparison import NEARBY, Beams, compare_image, compare_scan
 from sense_worlds import at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.scene import Scene
@@ -21,7 +21,7 @@ from fieldtruth.world.model import Raster
 LIDAR: Final = LidarConfig(columns=8, rings=5, vertical_fov_deg=40.0, min_range=0.1)
 CAMERA: Final = StereoConfig(width=320, height=184)
 POSE: Final = at(0.0, 0.0, 1.0)
-WORLD_FROM_CAMERA: Final = frames.pose((0.0, 0.0, 1.0), (0.0, 90.0, 0.0))
+WORLD_FROM_CAMERA: Final = transforms.pose((0.0, 0.0, 1.0), (0.0, 90.0, 0.0))
 
 
 def scene(beside: float) -> Scene:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drive_figures import Drive, attitude_difference, cross_track, peak
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.robot_config import WheelConfig
 
@@ -17,11 +17,11 @@ SPEED = 0.3
 def straight(*, aside: float = 0.0, rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0), slip: float = 0.0) -> Drive:
     """Ten seconds along the robot's x axis, from a point ``aside`` metres to the left of the world's x axis."""
     count = 10_000
-    pose = frames.pose((0.0, aside, 0.0), rpy_deg)
+    pose = transforms.pose((0.0, aside, 0.0), rpy_deg)
     ahead = pose[:3, 0] * SPEED
     return Drive(
         position=pose[:3, 3] + np.arange(1, count + 1)[:, None] / 1000.0 * ahead,
-        quaternion_wxyz=np.tile(frames.quaternion_wxyz_from_rotation(pose[:3, :3]), (count, 1)),
+        quaternion_wxyz=np.tile(transforms.quaternion_wxyz_from_rotation(pose[:3, :3]), (count, 1)),
         velocity=np.tile(ahead, (count, 1)),
         angular_velocity=np.zeros((count, 3)),
         wheel_speed=np.full((count // 100, 4), SPEED / WHEELS.radius / (1.0 - slip)),

@@ -11,7 +11,7 @@ import pytest
 from gazebo_run import GazeboError, GazeboRun, complaints, missing_chroot, run_gazebo
 from rig_models import add_rig, beams, tour
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sensors.camera.pinhole import pinhole
@@ -20,7 +20,10 @@ from fieldtruth.sensors.lidar.sensing import ray_directions
 
 needs_gazebo = pytest.mark.skipif(bool(missing_chroot()), reason=missing_chroot() or "-")
 
-POSES: Final = [frames.pose((3.0, -2.0, 1.0), (0.0, 0.0, 30.0)), frames.pose((-4.0, 5.0, 2.0), (10.0, -15.0, 200.0))]
+POSES: Final = [
+    transforms.pose((3.0, -2.0, 1.0), (0.0, 0.0, 30.0)),
+    transforms.pose((-4.0, 5.0, 2.0), (10.0, -15.0, 200.0)),
+]
 RIG: Final = paper_rig(lidar=LidarConfig(columns=72, rings=8, min_range=0.5, max_range=100.0))
 WALLS: Final = {7: ((30.0, 0.0), (2.0, 60.0)), 12: ((0.0, 20.0), (100.0, 2.0))}
 """laser_retro of each wall: its centre and its sizes along x and y [m]."""

@@ -21,7 +21,7 @@ from gazebo_run import (
 )
 from gazebo_run import wait as wait_for
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY
@@ -129,7 +129,7 @@ def motion(run: GazeboRun) -> tuple[Array, Array]:
 
 def turn_rates(seconds: Array, states: Array) -> Array:
     """Turn rate (n - 500,) [rad/s] over half a second that begins at each row."""
-    yaw = np.unwrap(frames.yaw_from_rotation(frames.rotation_from_quaternion_wxyz(states[:, 3:7])))
+    yaw = np.unwrap(transforms.yaw_from_rotation(transforms.rotation_from_quaternion_wxyz(states[:, 3:7])))
     rates: Array = (yaw[500:] - yaw[:-500]) / (seconds[500:] - seconds[:-500])
     return rates
 

@@ -11,8 +11,8 @@ import yaml
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo.ros import write_ros_package
 from fieldtruth.world.build import load_world
-from fieldtruth.world.ground_types import GROUND_TYPES
-from fieldtruth.world.relief.roughness import with_microrelief
+from fieldtruth.world.materials import GROUND_TYPES
+from fieldtruth.world.relief import with_microrelief
 
 
 def test_the_layout_is_written_and_named_in_the_readme(tmp_path: Path) -> None:

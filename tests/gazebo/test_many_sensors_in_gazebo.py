@@ -20,7 +20,7 @@ from test_ros_package import FakeRos, fake, package, small_park
 import fieldtruth.gazebo
 from fieldtruth.bag import topics
 from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -35,7 +35,7 @@ from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 __all__ = ["fake"]
 ROS = pytest.mark.parametrize("ros", [1, 2])
-BODY_FROM_OPTICAL = frames.pose((0, 0, 0), (-90.0, 0.0, -90.0))
+BODY_FROM_OPTICAL = transforms.pose((0, 0, 0), (-90.0, 0.0, -90.0))
 CAMERAS = ("pair_left", "pair_right", "front", "rear", "fisheye", "panorama")
 
 
@@ -61,7 +61,7 @@ def poses(rig: Rig) -> dict[str, Any]:
     """base_from_sensor (4, 4) of what Gazebo has, by its name there; a camera looks along its x axis."""
     mounts = {lidar.frame: lidar.mount for lidar in rig.lidars}
     mounts |= {sensor.name: sensor.mount for sensor in (*rig.imus, *rig.antennas)}
-    cameras = {i.name: i.base_from_optical @ frames.inverse(BODY_FROM_OPTICAL) for i in rig.imagers}
+    cameras = {i.name: i.base_from_optical @ transforms.inverse(BODY_FROM_OPTICAL) for i in rig.imagers}
     bodies = {f"{name}_{kind}": body for name, body in cameras.items() for kind in ("camera", "tag")}
     return {name: mount.base_from_sensor for name, mount in mounts.items()} | bodies
 

@@ -15,7 +15,7 @@ import xacro
 import yourdfpy
 
 from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
@@ -59,7 +59,7 @@ def values(element: ET.Element, path: str) -> list[float]:
 
 def pose(element: ET.Element) -> Array:
     xyzrpy = values(element, "pose")
-    return frames.pose(xyzrpy[:3], np.degrees(xyzrpy[3:]).tolist())
+    return transforms.pose(xyzrpy[:3], np.degrees(xyzrpy[3:]).tolist())
 
 
 @RIGS
@@ -94,7 +94,7 @@ def test_sensors_are_at_their_frames(rig: Rig, flavour: Flavour, tmp_path: Path)
     for name, sensor in (("os1_lidar", rig.lidar), ("imu", rig.imu), ("gnss", rig.gnss)):
         np.testing.assert_allclose(poses[name], sensor.mount.base_from_sensor, rtol=0, atol=1e-9)
     # Gazebo's cameras look along x with z up; optical frames look along z with y down.
-    body_from_optical = frames.pose((0, 0, 0), (-90.0, 0.0, -90.0))
+    body_from_optical = transforms.pose((0, 0, 0), (-90.0, 0.0, -90.0))
     for side, mount in (("left", rig.stereo.left), ("right", rig.stereo.right)):
         base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
         np.testing.assert_allclose(poses[f"{side}_camera"] @ body_from_optical, base_from_optical, rtol=0, atol=1e-9)
@@ -187,7 +187,9 @@ def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
     assert plugin is not None
     assert turn_rate * values(plugin, "wheelSeparation")[0] == pytest.approx(right - left, rel=1e-12)
     model = ET.parse(classic / "models/husky/model.sdf").getroot()[0]
-    anchors = {str(joint.get("name")): frames.pose(values(joint, "pose")[:3])[1, 3] for joint in model.findall("joint")}
+    anchors = {
+        str(joint.get("name")): transforms.pose(values(joint, "pose")[:3])[1, 3] for joint in model.findall("joint")
+    }
     track = {name: wheels.half_track * (1 if "left" in name else -1) + anchor for name, anchor in anchors.items()}
     for end in ("front", "rear"):
         distance = track[f"{end}_left_wheel_joint"] - track[f"{end}_right_wheel_joint"]
@@ -196,20 +198,22 @@ def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
 
 def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
-    lidar = frames.inverse(rig.lidar.mount.base_from_sensor)
+    lidar = transforms.inverse(rig.lidar.mount.base_from_sensor)
     camera, intrinsics = rig.stereo, pinhole(rig.stereo)
     drawn = [(shape, (0.0, 0.0, 0.0)) for shape in shapes.body_shapes(rig)]
     drawn += [(shapes.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
     for shape, xyz in drawn:
         points = _surface(shape) + xyz
-        x, y, z = frames.transform(lidar, points).T
+        x, y, z = transforms.transform(lidar, points).T
         elevation, distance = np.degrees(np.arctan2(z, np.hypot(x, y))), np.linalg.norm((x, y, z), axis=0)
         below = np.abs(elevation) > rig.lidar.vertical_fov_deg / 2
         # Gazebo's rays begin at the least range; what is drawn nearer is behind the clipping plane.
         assert (below | (distance < rig.lidar.min_range)).all(), shape.name
         assert not shape.solid or below.all(), shape.name
         for mount in (camera.left, camera.right):
-            u, v, depth = frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), points).T
+            u, v, depth = transforms.transform(
+                transforms.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), points
+            ).T
             ahead = depth > 1e-9
             inside = (np.abs(u) * intrinsics.fx < depth * camera.width / 2) & (
                 np.abs(v) * intrinsics.fy < depth * camera.height / 2
@@ -230,7 +234,7 @@ def test_the_robot_casts_no_shadow(classic: Path) -> None:
 
 def _surface(shape: shapes.Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
-    mesh.apply_transform(frames.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
+    mesh.apply_transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
     points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)
     return np.concatenate([points, mesh.vertices])
 

@@ -24,7 +24,7 @@ from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.gazebo import DEFAULT_LAYOUT, worlds, write_gazebo
 from fieldtruth.gazebo.worlds import bodies, write_world
-from fieldtruth.interchange import ground_image
+from fieldtruth.interchange import ground
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Collider, World
@@ -44,7 +44,7 @@ def world() -> World:
 def packages(world: World, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("package with a space")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ground_image, "GROUND_PIXELS", 64)
+        patch.setattr(ground, "GROUND_PIXELS", 64)
         for flavour in FILES:
             write_world(folder / flavour, world, flavour, beyond=True)  # type: ignore[arg-type]
     return {flavour: folder / flavour for flavour in FILES}
@@ -99,7 +99,7 @@ def test_rays_at_grazing_incidence_find_the_ground_where_it_is(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where grass, which no wheel feels, is the ground that rays meet."""
-    monkeypatch.setattr(ground_image, "GROUND_PIXELS", 64)
+    monkeypatch.setattr(ground, "GROUND_PIXELS", 64)
     terrain = replace(world.terrain, layer=np.full(world.terrain.field.heights.shape, 0.0371234, np.float32))
     write_world(tmp_path, replace(world, terrain=terrain, instances=(), swarms=()), "classic", beyond=False)
     grounds = [shape for shape in shapes(tmp_path, "small.world") if shape.model == world.object_names[GROUND_ID]]
@@ -114,7 +114,7 @@ def test_members_of_swarms_that_share_files_are_the_same_triangles(
     world: World, packages: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bodies, "SMALL", {"inside": 0, "beyond": 0})
-    monkeypatch.setattr(ground_image, "GROUND_PIXELS", 64)
+    monkeypatch.setattr(ground, "GROUND_PIXELS", 64)
     write_world(tmp_path, world, "classic", beyond=True)
     assert any(packages["classic"].glob("models/tufts/meshes/*"))
     assert not any(tmp_path.glob("models/tufts/meshes/*"))

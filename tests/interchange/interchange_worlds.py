@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sense_worlds import BOX_CORNERS, BOX_FACES, make_mesh, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.world.model import Instance, Material, Mesh, Raster, Swarm, World
@@ -32,7 +32,7 @@ def ring_trail(spacing: float, corner: float = -SIDE / 2) -> Raster:
 
 
 def pose(x: float, y: float, z: float, *, yaw_deg: float = 0.0, tilt_deg: float = 0.0, scale: float = 1.0) -> F8:
-    matrix = frames.pose((x, y, z), (0.0, tilt_deg, yaw_deg))
+    matrix = transforms.pose((x, y, z), (0.0, tilt_deg, yaw_deg))
     matrix[:3, :3] *= scale
     return matrix
 

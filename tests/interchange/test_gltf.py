@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
 from fieldtruth.interchange import write_scene
-from fieldtruth.interchange.gltf_materials import nearest_step
+from fieldtruth.interchange.gltf import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera

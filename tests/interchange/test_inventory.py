@@ -21,9 +21,9 @@ from fieldtruth.interchange import inventory
 from fieldtruth.interchange.inventory import COLUMNS, named_objects
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Mesh, Swarm, World, merge_meshes
+from fieldtruth.world.placement import upright_pose
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_stump, grow_tree
-from fieldtruth.world.poses import upright_pose
-from fieldtruth.world.rocks.rock import ROCK_TYPES, make_rock
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 
 SIDES = 24
 

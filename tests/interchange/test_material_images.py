@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from fieldtruth.core.classes import Label
-from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.ground_image import ground_image
-from fieldtruth.interchange.images import encode_image, material_image
+from fieldtruth.interchange.ground import ground_image, ground_tiles
+from fieldtruth.interchange.surfaces import encode_image, material_image
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.world.model import Terrain, World
 

@@ -6,7 +6,7 @@ import numpy as np
 from interchange_worlds import SIDE, areas, corners_of, mesh_areas, small_world
 
 from fieldtruth.core.classes import Label
-from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
+from fieldtruth.interchange.surfaces import beyond_edge, merged_swarms
 
 
 def test_every_member_is_in_the_tile_below_it() -> None:

@@ -15,9 +15,7 @@ from PIL import Image
 from fieldtruth.core.classes import Label
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.images import material_image
-from fieldtruth.interchange.surfaces import mesh_surfaces, placed
-from fieldtruth.interchange.swarms import merged_swarms
+from fieldtruth.interchange.surfaces import material_image, merged_swarms, mesh_surfaces, placed
 from fieldtruth.world.model import World
 
 pytestmark = pytest.mark.usefixtures("small_ground_images")

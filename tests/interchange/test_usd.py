@@ -15,7 +15,7 @@ import pytest
 from interchange_worlds import small_world
 from sense_worlds import box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.interchange.ground import ground_tiles
@@ -39,7 +39,7 @@ def turned_world() -> World:
     rng = np.random.default_rng(7)
     poses = swarm.world_from_object.copy()
     for pose, scale, rpy in zip(poses, rng.uniform(0.5, 2, 40), rng.uniform(-179, 179, (40, 3)), strict=True):
-        pose[:3, :3] = scale * frames.pose((0, 0, 0), rpy)[:3, :3]
+        pose[:3, :3] = scale * transforms.pose((0, 0, 0), rpy)[:3, :3]
     meshes = {**world.meshes, "tuft_1": replace(world.meshes["tuft_1"], species=("reed", "sedge"))}
     return replace(world, meshes=meshes, swarms=(replace(swarm, world_from_object=poses),))
 

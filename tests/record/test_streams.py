@@ -38,7 +38,7 @@ from fieldtruth.bag.decode import (
 )
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.topics import PAPER_TOPICS
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
@@ -165,7 +165,7 @@ def test_tf_static_holds_every_frame_of_the_paper_but_the_wheels(bag: Path) -> N
         "base_footprint": (0, 0, -0.13228, 0, 0, 0),
     }
     for name, (x, y, z, roll, pitch, yaw) in table.items():
-        expected = frames.pose((x, y, z), (roll, pitch, yaw))
+        expected = transforms.pose((x, y, z), (roll, pitch, yaw))
         np.testing.assert_allclose(fixed.pop(("base_link", name)), expected, atol=1e-12, err_msg=name)
     for side in ("left", "right"):
         np.testing.assert_allclose(
@@ -180,12 +180,12 @@ def test_the_wheels_turn_in_tf_about_the_axles_of_the_paper(readings: dict[str, 
         base, *wheels = reading.message.transforms
         assert (base.header.frame_id, base.child_frame_id) == ("world", "base_link")
         for each, rate in zip(wheels, (1.0, 2.0, 1.1, 2.2), strict=True):
-            turned = frames.pose(mounts[each.child_frame_id].xyz, (0, np.rad2deg(rate * reading.stamp_ns / 1e9), 0))
+            turned = transforms.pose(mounts[each.child_frame_id].xyz, (0, np.rad2deg(rate * reading.stamp_ns / 1e9), 0))
             np.testing.assert_allclose(matrix(each.transform), turned, atol=1e-12)
 
 
 def test_model_states_odometry_and_tf_are_the_motion_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
-    truth = frames.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
+    truth = transforms.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
     for k, reading in enumerate(readings["/gazebo/model_states"]):
         assert reading.message.name[0] == "husky"
         np.testing.assert_allclose(pose_matrix(reading.message.pose[0]), truth[k], atol=1e-15)
@@ -198,7 +198,7 @@ def test_model_states_odometry_and_tf_are_the_motion_at_their_stamp(readings: di
 def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
     rig, scene = EXPERIMENT.rig, FakeScene(WORLD)
     lidar, camera = FakeLidar(rig.lidar, scene), FakeCamera(rig.stereo, scene)
-    truth = frames.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
+    truth = transforms.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
     for reading in readings["/os1_cloud_node/points"]:
         cloud = points(reading.message)
         scan = lidar.scan(truth[reading.stamp_ns // 10**6 - 1] @ rig.lidar.mount.base_from_sensor)
@@ -273,7 +273,9 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (paper_topics.POINTS,))
     list(stream.messages(3, fake_sensors(WORLD, rig, Watch)))
     motion = track.motion
-    truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
+    truth = (
+        transforms.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
+    )
     np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s
 
 

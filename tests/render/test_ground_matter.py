@@ -10,18 +10,23 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import F8, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear
 from fieldtruth.kernels.textures import LEVELS, SUN_ONE, linear_from_srgb, patch_offsets, srgb_from_linear
-from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.materials import material_table
-from fieldtruth.render.relief import THROUGH, sun_factors
-from fieldtruth.render.wetness import WATER, mean_reflectance, wet_albedo
+from fieldtruth.render.materials import (
+    THROUGH,
+    WATER,
+    make_atlas,
+    material_table,
+    mean_reflectance,
+    sun_factors,
+    wet_albedo,
+)
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.sensing import CameraImages
@@ -56,7 +61,7 @@ def baked(world: World, folder: Path, light: LightConfig = SUN) -> BakedScene:
 
 def seen(scene: BakedScene, position: tuple[float, float, float], yaw: float, down: float) -> CameraImages:
     config = StereoConfig(width=320, height=200, horizontal_fov_deg=32.0, vertical_fov_deg=20.0)
-    return Camera(config, scene).render(frames.pose(position, (0, down, yaw)) @ OPTICAL)
+    return Camera(config, scene).render(transforms.pose(position, (0, down, yaw)) @ OPTICAL)
 
 
 @pytest.mark.parametrize(("yaw", "shown", "hidden"), [(0, 0, 2), (180, 2, 0)])
@@ -128,7 +133,7 @@ def test_ground_is_as_bright_from_afar_as_from_nearby(tmp_path: Path, name: str,
     for yaw in (0, 90, 180):  # against the sun, across, along
         light = []
         for height in (1.0, 7.0):
-            pose = frames.pose((0, 0, height), (0, 30, yaw)) @ OPTICAL
+            pose = transforms.pose((0, 0, height), (0, 30, yaw)) @ OPTICAL
             render_linear(scene.shading, framebuffer, View(pose, pinhole(config), config.far), labels)
             light.append(float(framebuffer.linear.mean()))
         assert light[0] == pytest.approx(light[1], rel=0.08), yaw

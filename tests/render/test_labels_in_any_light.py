@@ -15,17 +15,17 @@ import numpy as np
 import pytest
 from sense_worlds import F8, at, box, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.experiment.light_config import PRESETS, Preset
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.daylight import Daylight, metered_daylight
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.sky import dome
-from fieldtruth.render.sky.daylight import Daylight, metered_daylight
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
@@ -35,7 +35,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 SIDE: Final = 60.0  # [m], of the world
-POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
+POSE: Final = transforms.pose((0, 0.3, 1.1), (0, 4, 20))
 WEATHERS: Final = {
     "fog": WeatherConfig(fog_visibility_m=50),
     "low fog": WeatherConfig(fog_visibility_m=50, fog_height_m=3),
@@ -75,7 +75,7 @@ def camera_config(**values: Any) -> CameraConfig:
 def day_of(preset: Preset) -> Daylight:
     with ThreadPoolExecutor(2) as pool:
         rng = np.random.default_rng(0)
-        return metered_daylight(PRESETS[preset], (SIDE, SIDE), rng, pool, dome.SIZE)
+        return metered_daylight(PRESETS[preset], (SIDE, SIDE), rng, pool, daylight.DOME_TEXELS)
 
 
 def in_light(baked: BakedScene, preset: Preset = "summer_day", weather: WeatherConfig | None = None) -> BakedScene:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sense_worlds import F8, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
@@ -18,7 +18,7 @@ from fieldtruth.render.materials import CRUMBS
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.materials import GROUND_TYPES
 from fieldtruth.world.model import World
 
 LOW_SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=20.0)
@@ -39,7 +39,7 @@ def seen(world: World) -> F8:
     config = StereoConfig(width=160, height=160, horizontal_fov_deg=50.0, vertical_fov_deg=50.0)
     baked = bake(Scene(world), LOW_SUN)
     camera = Camera(config, replace(baked, shading=baked.shading._replace(exposure=np.float32(0.8))))
-    return np.asarray(camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.mean(axis=2))
+    return np.asarray(camera.render(transforms.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.mean(axis=2))
 
 
 def contrast(world: World) -> float:
@@ -63,7 +63,7 @@ def test_crumbs_of_earth_are_seen() -> None:
 def test_texture_detail_follows_each_facet() -> None:
     """A slope of 0.6 that rises to +x: a level ray towards +x sees 0.6 m^2 of it per square metre of the map."""
     scene = Scene(make_world(height=lambda x, _: 0.6 * x, side=6.0, spacing=0.05))
-    batch, view = new_batch(1), View(frames.pose((-1.0, 0, 0)) @ OPTICAL, Pinhole(1.0, 1.0, 0.0, 0.0), 100.0)
+    batch, view = new_batch(1), View(transforms.pose((-1.0, 0, 0)) @ OPTICAL, Pinhole(1.0, 1.0, 0.0, 0.0), 100.0)
     for down, seen in ((0.0, 0.6), (1.0, 1.6 / np.sqrt(2.0))):
         batch.image[:, 0] = 0.0, down
         trace(scene.rays.handle, scene.hits.geometry_top, new_packet(coherent=False), view, batch, 1)

@@ -14,9 +14,9 @@ import fieldtruth
 from fieldtruth.core.cache import import_closure
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.kernels.light import LightTable
+from fieldtruth.render.bake import cached_light, light_key
+from fieldtruth.render.daylight import sun_direction
 from fieldtruth.render.light import _leaf_sun, bake_light
-from fieldtruth.render.light_cache import cached_light, light_key
-from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -85,9 +85,7 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize(
-    "module", ["kernels/packets.py", "sense/embree.py", "kernels/light.py", "render/sky/clouds.py"]
-)
+@pytest.mark.parametrize("module", ["kernels/packets.py", "sense/embree.py", "kernels/light.py", "render/clouds.py"])
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]
     assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from sense_worlds import at, box, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig, Preset
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, Shading
+from fieldtruth.render.atmosphere import LUMINANCE
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
-from fieldtruth.render.sky.spectrum import LUMINANCE
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
@@ -32,7 +32,7 @@ def baked(scene: Scene) -> dict[str, BakedScene]:
 
 
 def test_labels_are_the_same_bytes_in_every_light(baked: dict[str, BakedScene]) -> None:
-    pose = frames.pose((0, 0.3, 1.1), (0, 4, 20)) @ OPTICAL
+    pose = transforms.pose((0, 0.3, 1.1), (0, 4, 20)) @ OPTICAL
     first, *others = (Camera(SMALL, each).render(pose) for each in baked.values())
     assert len(np.unique(first.instance)) > 2
     for other in others:
@@ -54,7 +54,7 @@ def test_exposed_level_ground_is_as_bright_in_any_light(name: Preset, baked: dic
     """The meter: open ground without anything on it has the same share of what white ground would have."""
     shading = _dark_ground(baked[name].shading, 0.3)
     camera = Camera(SMALL, BakedScene(scene=baked[name].scene, shading=shading))
-    camera.render(frames.pose((-30, -30, 3.0), (0, 90, 0)) @ OPTICAL)
+    camera.render(transforms.pose((-30, -30, 3.0), (0, 90, 0)) @ OPTICAL)
     light = shading.light
     white = light.sun_rgb * max(float(light.sun[2]), 0.0) / np.pi + light.dome.mean
     found = camera._framebuffer.linear @ LUMINANCE
@@ -73,7 +73,7 @@ def test_disc_of_half_a_degree_is_seen_in_a_clear_sky(baked: dict[str, BakedScen
     sun = LightConfig(preset="clear_morning").values
     config = StereoConfig(width=240, height=240, horizontal_fov_deg=3.0, vertical_fov_deg=3.0)
     camera = Camera(config, scene)
-    camera.render(frames.pose((0, 0, 1.5), (0, -sun.elevation_deg, -sun.azimuth_deg)) @ OPTICAL)
+    camera.render(transforms.pose((0, 0, 1.5), (0, -sun.elevation_deg, -sun.azimuth_deg)) @ OPTICAL)
     light = scene.shading.light
     linear = camera._framebuffer.linear / (EXPOSURE * scene.shading.exposure)
     seen = linear[..., 0] > 0.1 * light.disc[0]
@@ -92,7 +92,7 @@ def test_level_card_has_the_radiance_of_the_model(baked: dict[str, BakedScene]) 
         shading = each.shading
         dull = shading.materials._replace(gloss=np.zeros_like(shading.materials.gloss))
         camera = Camera(SMALL, BakedScene(scene=each.scene, shading=shading._replace(materials=dull)))
-        images = camera.render(frames.pose((34.0, 0.0, 1.9), (0, 90, 0)) @ OPTICAL)
+        images = camera.render(transforms.pose((34.0, 0.0, 1.9), (0, 90, 0)) @ OPTICAL)
         card = images.instance == images.instance[92, 160]
         assert card.mean() > 0.5
         light = shading.light

@@ -15,9 +15,9 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.kernels.light import AIR_LAYER, LightTable, among, falling_on
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.air import air_of
-from fieldtruth.render.light import _unfilled, bake_light
+from fieldtruth.render.light import COEFFICIENTS, bake_light, fill_volume, sphere
 from fieldtruth.render.materials import LEAF_GLOW, material_table
-from fieldtruth.render.volume import COEFFICIENTS, fill_volume, sphere
+from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -49,7 +49,7 @@ def filled(world: World, sky: float, sun: float, workers: int = 1) -> LightTable
     table = table._replace(dome=dome, sun_rgb=np.full(3, sun, np.float32), volume=np.zeros_like(table.volume))
     with ThreadPoolExecutor(workers) as pool:
         return table._replace(
-            volume=fill_volume(_unfilled(scene, table, material_table(world), clear), np.zeros(3, np.float32), pool)
+            volume=fill_volume(shading_of(scene, table, material_table(world), clear), np.zeros(3, np.float32), pool)
         )
 
 

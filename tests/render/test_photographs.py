@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import BakedScene, bake
@@ -28,7 +28,9 @@ def cluttered() -> Scene:
     objects: list[Placed] = [
         (
             box(f"box_{k}", rng.uniform(0.1, 0.8, 3).tolist(), ["stone", "bark", "wood"][k % 3]),
-            frames.pose((rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()),
+            transforms.pose(
+                (rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()
+            ),
         )
         for k in range(25)
     ]
@@ -45,7 +47,7 @@ def scene() -> BakedScene:
     return bake(cluttered())
 
 
-POSE = frames.pose((0, 0.3, 1.1), (4, 8, -3)) @ OPTICAL
+POSE = transforms.pose((0, 0.3, 1.1), (4, 8, -3)) @ OPTICAL
 
 
 def test_labels_do_not_depend_on_rendering(scene: BakedScene) -> None:
@@ -61,7 +63,7 @@ def test_labels_do_not_depend_on_rendering(scene: BakedScene) -> None:
 
 def test_images_do_not_depend_on_camera_thread_or_order(scene: BakedScene) -> None:
     camera, other = Camera(SMALL, scene), Camera(SMALL, scene)
-    poses = [frames.pose((0, 0, 1), (0, 0, 10.0 * k)) @ OPTICAL for k in range(-3, 4)]
+    poses = [transforms.pose((0, 0, 1), (0, 0, 10.0 * k)) @ OPTICAL for k in range(-3, 4)]
     first = [camera.render(pose) for pose in poses]
     again = [camera.render(pose) for pose in poses]
     with ThreadPoolExecutor(2) as pool:
@@ -117,8 +119,8 @@ def test_side_that_faces_the_sun_is_brighter(azimuth: float, elevation: float) -
     """A box seen from the east (-y) and from the west, with the sun in the east, then in the west."""
     light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
     scene = bake(Scene(make_world([(box("box", (1, 1, 1)), at(0, 0, 1.0))], side=30.0)), light)
-    east = frames.pose((0, -6, 1), (0, 0, 90)) @ OPTICAL
-    west = frames.pose((0, 6, 1), (0, 0, -90)) @ OPTICAL
+    east = transforms.pose((0, -6, 1), (0, 0, 90)) @ OPTICAL
+    west = transforms.pose((0, 6, 1), (0, 0, -90)) @ OPTICAL
     images = [Camera(SMALL, scene).render(pose) for pose in (east, west)]
     from_east, from_west = (float(p.photo[p.instance == 2].mean()) for p in images)
     bright, dim = (from_east, from_west) if azimuth == 90.0 else (from_west, from_east)
@@ -132,7 +134,7 @@ def test_shadow_on_another_object_matches_closed_form() -> None:
     light = LightConfig(sun_azimuth_deg=90.0, sun_elevation_deg=20.0)
     scene = bake(Scene(make_world(objects, side=30.0)), light)
     # The camera is 2.5 m from the wall, below the box, and looks west: image right is north (+x).
-    images = Camera(SMALL, scene).render(frames.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL)
+    images = Camera(SMALL, scene).render(transforms.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL)
     v, u = np.nonzero(images.instance == 2)
     x = 2.5 * np.tan(np.radians(34.5)) * (2 * (u + 0.5) / 320 - 1)
     z = 1.0 - 2.5 * np.tan(np.radians(21.0)) * (2 * (v + 0.5) / 184 - 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sense_worlds import F8, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
@@ -27,7 +27,7 @@ def photograph(height: float) -> tuple[F8, F8]:
     """x [m] and mean brightness of the rows of an image from straight above waves."""
     config = StereoConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0)
     scene = bake(Scene(make_world(height=waves, side=8.0, spacing=0.05)), SUN)
-    photo = Camera(config, scene).render(frames.pose((0, 0, height), (0, 90, 0)) @ OPTICAL).photo
+    photo = Camera(config, scene).render(transforms.pose((0, 0, height), (0, 90, 0)) @ OPTICAL).photo
     x = -(2 * (np.arange(400) + 0.5) / 400 - 1) * np.tan(np.radians(12.0)) * height
     return x, np.asarray(photo.astype(float).mean(axis=(1, 2)))
 
@@ -69,7 +69,7 @@ def test_pits_are_darker_than_bumps_under_the_sky() -> None:
     camera = Camera(
         StereoConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0), bake(Scene(pits), SUN)
     )
-    photo = camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.astype(float).mean(axis=(1, 2))
+    photo = camera.render(transforms.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.astype(float).mean(axis=(1, 2))
     x = -(2 * (np.arange(400) + 0.5) / 400 - 1) * np.tan(np.radians(12.0)) * 2.0
     phase = np.mod(x / 0.2, 1.0)
     crest, pit = (np.abs(phase - 0.5) > 0.45), np.abs(phase - 0.5) < 0.05

@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from sense_worlds import at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.robot_rays import part_table
-from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
+from fieldtruth.sense.robot import RobotView, part_table, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import CameraImages
@@ -36,7 +35,7 @@ def view_from(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> tuple[Imager, R
 
 
 def photographed(baked: BakedScene, imager: Imager, view: RobotView | None, yaw: float = 0.0) -> CameraImages:
-    pose = frames.pose((0.0, 0.0, 0.13), (0.0, 0.0, yaw)) @ imager.base_from_optical
+    pose = transforms.pose((0.0, 0.0, 0.13), (0.0, 0.0, yaw)) @ imager.base_from_optical
     assert isinstance(imager.config, CameraConfig)
     return Camera(imager.config, baked).render(pose, view)
 

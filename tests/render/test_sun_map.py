@@ -10,9 +10,8 @@ from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.kernels.light import OFFSET, TEXEL, SunMap, sun_share
-from fieldtruth.render.sky.daylight import sun_direction
-from fieldtruth.render.sun_map import MARGIN, make_sun_map
-from fieldtruth.render.visibility import sun_disc, visibility
+from fieldtruth.render.daylight import sun_direction
+from fieldtruth.render.light import MARGIN, make_sun_map, sun_disc, visibility
 from fieldtruth.sense.scene import Scene
 
 ROOF = 6.0  # [m]

@@ -16,7 +16,7 @@ from fieldtruth.kernels.textures import (
     texture_slope,
     tilted,
 )
-from fieldtruth.render.atlas import make_atlas
+from fieldtruth.render.materials import make_atlas
 
 F = np.float32
 GREY = (F(0.15), F(0.15), F(0.15))

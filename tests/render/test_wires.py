@@ -8,20 +8,19 @@ import numpy as np
 import pytest
 from sense_worlds import F8, Placed, at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, LensConfig
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
-from fieldtruth.kernels.photograph import new_framebuffer, render_linear, render_mean
+from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import offsets_of, strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.world.furniture.cables import CONDUCTOR_RADIUS, hang, make_cable
+from fieldtruth.world.power_lines import CONDUCTOR_RADIUS, hang, make_cable
 
 PIXELS, FOCAL = 160, 300.0
 HEIGHT = 8.0
@@ -56,7 +55,7 @@ def light(baked: BakedScene, config: CameraConfig, roll: float = 0.0, *, frames_
             light=shading.light._replace(dome=dome._replace(horizon=0 * dome.horizon)),
         )
     h, w = config.height, config.width
-    buffers, pose = new_framebuffer(h, w), frames.pose((0, 0, HEIGHT + 0.013), (roll, 0, 0)) @ OPTICAL
+    buffers, pose = new_framebuffer(h, w), transforms.pose((0, 0, HEIGHT + 0.013), (roll, 0, 0)) @ OPTICAL
     labels = LabelBuffers(np.zeros((h, w), np.uint8), np.zeros((h, w), np.uint32), np.zeros((h, w), np.float32))
     view = View(pose, pinhole(config), config.far, ray_table(config))
     if frames_:
@@ -125,7 +124,7 @@ def test_labels_are_those_of_the_mesh() -> None:
         baked = scene(wire(10.0, analytic=analytic))
         h, w = config.height, config.width
         labels = LabelBuffers(np.zeros((h, w), np.uint8), np.zeros((h, w), np.uint32), np.zeros((h, w), np.float32))
-        pose = frames.pose((0, 0, HEIGHT + 0.013), (17.0, 0, 0)) @ OPTICAL
+        pose = transforms.pose((0, 0, HEIGHT + 0.013), (17.0, 0, 0)) @ OPTICAL
         view = View(pose, pinhole(config), config.far, ray_table(config))
         render_linear(baked.shading, new_framebuffer(h, w), view, labels)
         images.append(labels)

@@ -18,7 +18,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.topics import PAPER_TOPICS
-from fieldtruth.report.page import world_view, write_report
+from fieldtruth.report.page import map as page_map
+from fieldtruth.report.page import write_report
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
 TYPES = {topic.name: topic.msgtype for topic in PAPER_TOPICS}
@@ -67,7 +68,7 @@ class Page:
 def page_of(run: Path, path: Path) -> Page:
     """Write the page of a run with a small aerial view, because a large one takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(world_view, "WIDTH", 600)
+        patch.setattr(page_map, "WIDTH", 600)
         return Page(write_report(run, out=path))
 
 

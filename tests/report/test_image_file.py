@@ -10,7 +10,7 @@ import simplejpeg
 from matplotlib.image import imread
 
 from fieldtruth.core.errors import OutputError
-from fieldtruth.report.image_file import LARGEST_JPEG, write_image
+from fieldtruth.report.drawing.images import LARGEST_JPEG, write_image
 
 NOISE = np.random.default_rng(0).integers(0, 256, (40, 60, 3)).astype(np.uint8)
 

@@ -27,11 +27,10 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import FORMATS
 from fieldtruth.report.drawing.images import jpeg_below
-from fieldtruth.report.page import LARGEST_PAGE, cloud_view, decimate, samples, scan_cloud, snippets, write_report
+from fieldtruth.report.page import LARGEST_PAGE, cloud, content, render_page, series, tables, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.bag_pass import summarize_bag
 from fieldtruth.report.page.content import collect_content
-from fieldtruth.report.page.render import render_page
 
 
 def test_page_is_valid_html_and_self_contained(page: Page) -> None:
@@ -67,14 +66,14 @@ def test_inputs_have_labels_and_images_have_alt_texts(page: Page) -> None:
 
 def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
     """Every large part has a limit in bytes or in number; with half a megabyte of text, the sum is below the limit."""
-    images = samples.SAMPLES * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMBNAIL_BYTES)
-    cloud = 7 * (scan_cloud.LARGEST + cloud_view.PATH_POINTS) + cloud_view.POSTER_BYTES
+    images = content.SAMPLES * (2 * (content.PHOTO_BYTES + content.TAG_BYTES) + content.THUMBNAIL_BYTES)
+    points = 7 * (cloud.LARGEST + cloud.PATH_POINTS) + cloud.POSTER_BYTES
     vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the SVG path and in the values
-    curves = decimate.CHANNELS * decimate.VERTICES * vertex
+    curves = series.CHANNELS * series.VERTICES * vertex
     positions = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
-    assert 4 / 3 * (images + cloud + map_figure.PHOTO_BYTES) + curves + 2 * positions + 500_000 < LARGEST_PAGE
+    assert 4 / 3 * (images + points + map_figure.PHOTO_BYTES) + curves + 2 * positions + 500_000 < LARGEST_PAGE
     assert sum(len(channels) for channels in page.data("numbers")["curves"].values()) == 18
-    assert all(len(base64.b64decode(p)) <= samples.TAG_BYTES for p in page.images("image/png"))
+    assert all(len(base64.b64decode(p)) <= content.TAG_BYTES for p in page.images("image/png"))
     rest = re.sub(r"base64,[A-Za-z0-9+/=]+|(?<=cloud-data\">)[^<]*|(?<= d=\")[^\"]*", "", page.text)
     rest = re.sub(r"(?<=id=\"numbers\">)[^<]*", "", rest)
     assert len(rest) < 150_000
@@ -82,7 +81,7 @@ def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
 
 def test_jpeg_of_a_large_noisy_image_is_below_the_limit() -> None:
     noise = np.random.default_rng(5).integers(0, 256, (1080, 1920, 3), np.uint8)
-    assert len(jpeg_below(noise, samples.PHOTO_BYTES)) <= samples.PHOTO_BYTES
+    assert len(jpeg_below(noise, content.PHOTO_BYTES)) <= content.PHOTO_BYTES
 
 
 def test_snippets_run_and_commands_exist(
@@ -100,7 +99,7 @@ def test_snippets_run_and_commands_exist(
     assert printed[0].startswith("100000000 ")
     commands = [words(code) for code in page.root.findall(".//dl[@class='exports']//code")]
     assert commands == [f"fieldtruth export park_1.bag --to {form}" for form in FORMATS]
-    assert list(snippets.FORMATS) == list(FORMATS)
+    assert list(tables.FORMATS) == list(FORMATS)
     assert code["Validate"] == "sha256sum -c SHA256SUMS\nfieldtruth validate park_1.bag"
     assert code["evo"] == "evo_traj bag park_1.bag /ground_truth/odom --plot"
 

@@ -25,7 +25,8 @@ from report_pages import (
 )
 
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.report.page import scan_cloud, world_view, write_report
+from fieldtruth.report.page import cloud, write_report
+from fieldtruth.report.page import map as page_map
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
@@ -99,7 +100,7 @@ def test_cloud_contains_the_path_and_legend_counts_match(page: Page, messages: M
     positions = positions_of(messages)
     assert route[[0, -1]] == pytest.approx(positions[[0, -1]], abs=2 * settings["step"])
     counts = np.bincount(label, minlength=17)
-    assert counts[:16].sum() <= scan_cloud.LARGEST
+    assert counts[:16].sum() <= cloud.LARGEST
     legend = {
         words(row.find("span")): words(row.find("small"))  # type: ignore[arg-type]
         for row in page.root.findall(".//fieldset[@id='legend']/label")
@@ -126,7 +127,7 @@ def test_a_different_world_is_not_shown(
     moved[1, 3] += 0.01
     instances = [*park.instances]
     instances[5] = dataclasses.replace(instances[5], world_from_object=moved)
-    monkeypatch.setattr(world_view, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
+    monkeypatch.setattr(page_map, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
     page = Page(write_report(folder))
     assert "builds another world from experiment.yaml than the one in the bag" in page.words(".//section[@id='path']")
     assert page.one(".//figure[@class='map plain']") is not None

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from fieldtruth.bag.reader import BagError
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.class_counts import class_ids, count_pixels
-from fieldtruth.report.page.curves import draw_curves, time_ticks
-from fieldtruth.report.page.decimate import VERTICES, Decimator, Line
-from fieldtruth.report.page.series import Fixes, Motion
+from fieldtruth.report.page.bag_pass import class_ids, count_pixels
+from fieldtruth.report.page.series import VERTICES, Decimator, Fixes, Line, Motion, draw_curves, time_ticks
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9
@@ -126,7 +124,7 @@ def test_nearly_constant_readings_are_drawn_flat() -> None:
 
 
 def odometry(pose: Any, velocity: Any) -> Any:
-    x, y, z, w = frames.xyzw_from_wxyz(frames.quaternion_wxyz_from_rotation(pose[:3, :3]))
+    x, y, z, w = transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(pose[:3, :3]))
     return SimpleNamespace(
         pose=SimpleNamespace(
             pose=SimpleNamespace(
@@ -143,7 +141,7 @@ def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
     yaws = np.arange(150.0, 230.0, 2.0)
     for k, yaw in enumerate(yaws):
         motion.add(
-            k * SECOND // 10, motion.row(odometry(frames.pose((k, 0.0, 0.5), (3.0, -7.0, yaw)), (0.3, 0.4, 0.0)))
+            k * SECOND // 10, motion.row(odometry(transforms.pose((k, 0.0, 0.5), (3.0, -7.0, yaw)), (0.3, 0.4, 0.0)))
         )
     lines = motion.lines()
     assert lines["tilt"]["roll"].values == pytest.approx(np.full(40, 3.0))
@@ -154,7 +152,7 @@ def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
     trajectory = motion.trajectory()
     assert trajectory is not None
     assert trajectory.length_m == pytest.approx(39.0)
-    assert trajectory.world_from_base(SECOND) == pytest.approx(frames.pose((10.0, 0.0, 0.5), (3.0, -7.0, 170.0)))
+    assert trajectory.world_from_base(SECOND) == pytest.approx(transforms.pose((10.0, 0.0, 0.5), (3.0, -7.0, 170.0)))
 
 
 def test_pose_with_zero_quaternion_is_skipped() -> None:
@@ -185,4 +183,4 @@ def test_rpy_of_a_mount_matches_its_configuration(name: str) -> None:
 
 def test_rpy_round_trip() -> None:
     for rpy in np.random.default_rng(4).uniform((-180, -89, -180), (180, 89, 180), (50, 3)):
-        assert rpy_deg(frames.pose((0, 0, 0), tuple(rpy))[:3, :3]) == pytest.approx(rpy, abs=1e-6)
+        assert rpy_deg(transforms.pose((0, 0, 0), tuple(rpy))[:3, :3]) == pytest.approx(rpy, abs=1e-6)

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from report_worlds import EXPERIMENT, plain, small_park
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.render.bake import bake
-from fieldtruth.report.drawing.aerial import HEIGHT, MARGIN, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
-from fieldtruth.report.drawing.geometry import arc
 from fieldtruth.report.drawing.images import downscaled
+from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
 from fieldtruth.report.preview.sheet import view_of
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative, obstacles
@@ -90,7 +89,7 @@ def test_cloud_points_are_drawn_at_their_projection_with_occlusion() -> None:
         label=np.array([Label.ROCK, Label.BUSH, Label.TREETOP, Label.TRUNK], np.uint8),
         scans=1,
     )
-    ahead = frames.pose((0, 0, 0), (-90, 0, -90))  # optical frame of a camera that looks along x
+    ahead = transforms.pose((0, 0, 0), (-90, 0, -90))  # optical frame of a camera that looks along x
     picture = draw_cloud(cloud, ahead, width=200, height=100, fov_deg=90, size=0.5)
     np.testing.assert_array_equal(picture[50, 100], PALETTE[Label.ROCK])
     np.testing.assert_array_equal(picture[50, 80], PALETTE[Label.TREETOP])  # 2 m left of 10 m: a tenth of the width
@@ -106,7 +105,7 @@ def test_view_of_points_contains_nearly_all_and_fills_the_image() -> None:
     np.testing.assert_allclose(pose[:3, 2], np.array((10, 40, -20)) / np.sqrt(2100), atol=1e-12)
     assert pose[2, 0] == 0.0  # upright
     assert pose[2, 1] < 0
-    x, y, z = frames.transform(frames.inverse(pose), points).T
+    x, y, z = transforms.transform(transforms.inverse(pose), points).T
     slope = np.tan(np.radians(25))
     inside = (np.abs(x / z) < slope) & (np.abs(y / z) * 1.6 < slope) & (z > 0)
     assert inside.mean() > 0.93

@@ -20,16 +20,16 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.calibration import read_static_frames
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
 from fieldtruth.core.readings import Inertial, Odometry
 from fieldtruth.drive.expected_path import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.card_sensors import cloud_frames, frame_content, note_lines, sensor_lines
+from fieldtruth.report.card import cloud_frames, frame_content, note_lines, sensor_lines
 from fieldtruth.report.page import write_report
-from fieldtruth.report.page.scan_cloud import accumulate_scans
+from fieldtruth.report.page.cloud import accumulate_scans
 from fieldtruth.report.preview import content as content_module
 from fieldtruth.report.preview.content import collect_content
 from fieldtruth.report.preview.sheet import draw_sheet
@@ -193,7 +193,7 @@ def test_cloud_has_the_points_of_each_lidar_in_the_world(page: Page, many_run: P
             cloud = read.points(r.message)
             xyz = np.column_stack([cloud[axis] for axis in "xyz"]).astype(np.float64)
             seen.append(
-                frames.transform(trajectory.world_from_base(r.stamp_ns) @ static.base_from(f"{name}_link"), xyz)
+                transforms.transform(trajectory.world_from_base(r.stamp_ns) @ static.base_from(f"{name}_link"), xyz)
             )
         known = {tuple(row) for row in np.concatenate(seen).round(6).tolist()}
         assert count > 1000

@@ -11,9 +11,16 @@ from many_sensors import many_rig
 
 from fieldtruth.core import lenses
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import chassis_box
 from fieldtruth.experiment.sensor_families import ScanningConfig
-from fieldtruth.report.rig import body
-from fieldtruth.report.rig.coverage import SensorView, ground_coverage, ground_hits, nearest_ground, sensor_views
+from fieldtruth.report.rig.coverage import (
+    SensorView,
+    ground_coverage,
+    ground_height,
+    ground_hits,
+    nearest_ground,
+    sensor_views,
+)
 from fieldtruth.report.rig.picture import draw_rig, ground_classes
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
@@ -31,7 +38,7 @@ def only_eye(rig: Rig) -> SensorView:
 @pytest.mark.parametrize("lowest", [-15.0, -22.5, -46.2])
 def test_the_blind_circle_of_a_lidar_has_the_radius_of_its_lowest_beam(height: float, lowest: float) -> None:
     rig = rig_of(kind="lidar", elevations_deg=[10.0, 0.0, lowest], mount={"xyz": [1.0, -0.5, height]})
-    ground, radius = body.ground_height(rig), (height + 0.13228) / math.tan(math.radians(-lowest))
+    ground, radius = ground_height(rig), (height + 0.13228) / math.tan(math.radians(-lowest))
     assert nearest_ground(only_eye(rig), ground) == pytest.approx(radius, rel=1e-12)
     # The plan agrees: nothing is seen within the circle, everything outside up to the horizon.
     coverage = ground_coverage(rig, half=8.0, step=0.1)
@@ -42,7 +49,7 @@ def test_the_blind_circle_of_a_lidar_has_the_radius_of_its_lowest_beam(height: f
 
 def test_rings_of_the_plan_are_where_the_rays_of_the_scan_meet_the_ground() -> None:
     rig = many_rig()
-    ground = body.ground_height(rig)
+    ground = ground_height(rig)
     for lidar, view in zip(rig.lidars, sensor_views(rig), strict=False):
         origin, rays = view.position, ray_directions(lidar) @ view.base_from_sensor[:3, :3].T
         down = rays[rays[..., 2] < -0.1]
@@ -62,7 +69,7 @@ def test_a_camera_sees_the_ground_between_its_lower_and_upper_border(pitch: floa
     coverage = ground_coverage(rig, half=10.0, step=0.05)
     ahead = coverage.axis[coverage.in_view[0][len(coverage.axis) // 2]] - 2.0  # on y = 0
     near = height / math.tan(math.radians(pitch + half))
-    assert nearest_ground(only_eye(rig), body.ground_height(rig)) == pytest.approx(abs(near), abs=0.02)
+    assert nearest_ground(only_eye(rig), ground_height(rig)) == pytest.approx(abs(near), abs=0.02)
     assert ahead.min() == pytest.approx(near, abs=0.051)
     far = height / math.tan(math.radians(pitch - half)) if pitch > half else 8.0  # the end of the plan
     assert ahead.max() == pytest.approx(far, abs=0.051)
@@ -107,7 +114,7 @@ def test_the_hull_hides_ground_from_a_low_lidar_beside_it() -> None:
     # From above the hull's top, the ground is hidden as far as the line over its rear edge reaches.
     high = rig_of(kind="lidar", elevations_deg=[5.0, -80.0], mount={"xyz": [0.0, 0.0, 1.0]})
     hidden = ground_coverage(high, half=4.0, step=0.02).hidden[0]
-    box, axis = body.chassis(high), np.linspace(-4.0, 4.0, 401)
+    box, axis = chassis_box(high), np.linspace(-4.0, 4.0, 401)
     top = float(box.centre[2] + box.size[2] / 2)
     reach = 0.5 * float(box.size[0]) * (1.0 + 0.13228) / (1.0 - top)
     assert axis[hidden[200]].min() == pytest.approx(-reach, abs=0.021)

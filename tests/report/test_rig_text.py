@@ -11,7 +11,7 @@ import yaml
 from many_sensors import many_rig
 
 from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig
@@ -34,10 +34,10 @@ def test_the_tree_has_every_frame_once_below_its_parent(rig: Rig) -> None:
         if depth > 1:
             found[parents[depth - 1], words[0]] = [float(word) for word in words[1:7]]
     assert parents[:2] == ["world", "base_link"]
-    transforms = rig_transforms(rig)
-    assert found.keys() == transforms.keys()
+    expected = rig_transforms(rig)
+    assert found.keys() == expected.keys()
     for pair, values in found.items():
-        np.testing.assert_allclose(frames.pose(values[:3], values[3:]), transforms[pair], atol=1e-6)
+        np.testing.assert_allclose(transforms.pose(values[:3], values[3:]), expected[pair], atol=1e-6)
 
 
 def test_the_table_has_a_line_for_each_sensor() -> None:
@@ -118,13 +118,13 @@ def test_transforms_of_the_camchain_take_points_along_the_chain() -> None:
     chain = camchain(rig)
     imagers = [imager for imager in rig.imagers if imager.name != "panorama"]
     point_imu = np.array([[0.3, -0.2, 0.7]])
-    in_base = frames.transform(rig.imus[0].mount.base_from_sensor, point_imu)
+    in_base = transforms.transform(rig.imus[0].mount.base_from_sensor, point_imu)
     last = np.zeros((0, 3))
     for imager, camera in zip(imagers, chain.values(), strict=True):
-        in_camera = frames.transform(np.array(camera["T_cam_imu"]), point_imu)
-        np.testing.assert_allclose(frames.transform(imager.base_from_optical, in_camera), in_base, atol=1e-12)
+        in_camera = transforms.transform(np.array(camera["T_cam_imu"]), point_imu)
+        np.testing.assert_allclose(transforms.transform(imager.base_from_optical, in_camera), in_base, atol=1e-12)
         if len(last):
-            np.testing.assert_allclose(frames.transform(np.array(camera["T_cn_cnm1"]), last), in_camera, atol=1e-12)
+            np.testing.assert_allclose(transforms.transform(np.array(camera["T_cn_cnm1"]), last), in_camera, atol=1e-12)
         last = in_camera
     assert "T_cn_cnm1" not in chain["cam0"]
 

@@ -16,11 +16,10 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.exporters.croissant import croissant_text
+from fieldtruth.exporters.frames import Member
 from fieldtruth.exporters.huggingface_card import card_text
-from fieldtruth.exporters.splits import Member
 from fieldtruth.ontology.label_map import label_map_of
-from fieldtruth.report.card import data_card
-from fieldtruth.report.setting import collection_of, conditions_of, robot_title
+from fieldtruth.report.card import collection_of, conditions_of, data_card, robot_title
 
 WORDS = {
     "husky": {"Husky", "four wheels", "the 50 kg", "summer", "preset summer_day", "clear air", "as on the real one"},

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.validation.retrace.tracer import TERRAIN, ReferenceTracer
+from fieldtruth.validation.tracer import TERRAIN, ReferenceTracer
 
 NEAR: Final = 3e-5
 """Distance [m] from a triangle's edge below which single precision may fall on either side (coordinates of 64 m)."""

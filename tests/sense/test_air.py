@@ -15,8 +15,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.lidar_noise import Air, strongest_echo, transmitted
 from fieldtruth.kernels.light import fog_length
-from fieldtruth.sense.air import Beam, clear_extinction, extinction, fog_extinction, make_air
-from fieldtruth.sense.drops import Drops, rain, snow
+from fieldtruth.sense.air import Beam, Drops, clear_extinction, extinction, fog_extinction, make_air, rain, snow
 
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)
 

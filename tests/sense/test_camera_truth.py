@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
@@ -104,7 +104,7 @@ def test_image_is_not_mirrored() -> None:
     scene = floating(*objects)
     base = at(0, 0, 1)
     straight = LabelCamera(CONFIG, scene).label(base @ OPTICAL)
-    paper = frames.pose((0, 0, 0), (0, 90, 0)) @ CAMERA_FROM_OPTICAL
+    paper = transforms.pose((0, 0, 0), (0, 90, 0)) @ CAMERA_FROM_OPTICAL
     assert np.array_equal(straight.label, LabelCamera(CONFIG, scene).label(base @ paper).label)
     centres = {int(k): np.argwhere(straight.instance == k).mean(axis=0) for k in np.unique(straight.instance) if k}
     assert set(centres) == {2, 3, 4, 5}
@@ -132,7 +132,7 @@ def test_mounts_of_the_stereo_cameras() -> None:
 
 def test_depth_of_a_slanted_plane_matches_closed_form() -> None:
     """A plane through (0, 0, 6) in the optical frame with a slanted normal, and a tilted camera."""
-    pose = frames.pose((3, -4, 20), (25, -40, 110))
+    pose = transforms.pose((3, -4, 20), (25, -40, 110))
     normal = np.array([0.4, -0.5, -1.0])
     side = np.cross(normal, [0, 1, 0]) / np.linalg.norm(np.cross(normal, [0, 1, 0]))
     up = np.cross(normal, side) / np.linalg.norm(normal)

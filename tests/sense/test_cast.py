@@ -10,9 +10,7 @@ from sense_worlds import at, box, floating, make_mesh, make_world, quad
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.sense.cast import BLOCK
-from fieldtruth.sense.rays import cast_rays
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.scene import BLOCK, Scene, cast_rays
 from fieldtruth.world.model import Raster, Swarm
 
 HALF = np.array([6.0, 5.0, 4.0])

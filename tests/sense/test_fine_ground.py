@@ -12,7 +12,7 @@ from sense_worlds import F8, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.model import Heightfield, World
 
 SPACING = 0.05

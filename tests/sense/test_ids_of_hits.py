@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sense_worlds import at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
@@ -35,7 +35,7 @@ def world() -> World:
 def test_cloud_and_images_have_the_ids_of_the_world(world: World) -> None:
     assert world.has_wide_ids
     assert not replace(world, instances=world.instances[:2]).has_wide_ids
-    scene, pose = Scene(world), frames.pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    scene, pose = Scene(world), transforms.pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
     scan = IdealLidar(LidarConfig(columns=512, rings=9), scene).scan(pose)
     near = (scan.xyz[:, 0] > 5.0) & (np.abs(scan.xyz[:, 0] - 5.5) < 0.01)
     expected = np.array(IDS)[np.clip((1.9 - scan.xyz[near, 1]).astype(int), 0, 3)]

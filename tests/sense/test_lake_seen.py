@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import built_scene, make_world, trace_rays
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
@@ -20,9 +20,9 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
-from fieldtruth.world.furniture import hang, make_cable, make_power_pole
+from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.trails import Line
+from fieldtruth.world.power_lines import hang, make_cable, make_power_pole
 
 
 def test_rays_at_a_cable_and_a_pole() -> None:
@@ -69,7 +69,7 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
     row = int(at * (len(line.points) - 1))
     (x, y), (u, v) = line.points[row], line.tangents[row]
     ground = float(scene.world.terrain.field.height_at(x, y))
-    return frames.pose((x, y, ground + 0.13), (0.0, 0.0, float(np.degrees(np.arctan2(v, u)))))
+    return transforms.pose((x, y, ground + 0.13), (0.0, 0.0, float(np.degrees(np.arctan2(v, u)))))
 
 
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
@@ -80,7 +80,7 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
         for at in np.linspace(0.02, 0.98, 10):
             base = robot_pose(lake, line, at)
             hit |= set(np.unique(lidar.scan(base @ rig.lidar.mount.base_from_sensor).label).tolist())
-            images = camera.label(base @ frames.pose(rig.stereo.left.xyz) @ OPTICAL)
+            images = camera.label(base @ transforms.pose(rig.stereo.left.xyz) @ OPTICAL)
             seen |= set(np.unique(images.label).tolist())
     solid = {Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.POST, Label.CABLE}
     assert hit == solid
@@ -88,9 +88,9 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
 
 
 def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
-    base = frames.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
+    base = transforms.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
     rig = Rig()
-    eye = base @ frames.pose(rig.stereo.left.xyz) @ OPTICAL
+    eye = base @ transforms.pose(rig.stereo.left.xyz) @ OPTICAL
     camera = LabelCamera(rig.stereo, lake)
     images = camera.label(eye)
     assert (images.label == Label.WATER).mean() > 0.1

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Placed, at, box, floating, make_mesh, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sense.scene import Scene
@@ -74,7 +74,7 @@ def test_tilted_ring_hits_ground_on_its_low_side(
 ) -> None:
     """Pitch > 0 lowers the front, roll > 0 the right side; yaw changes neither."""
     config = LidarConfig(columns=64, rings=1)
-    scan = IdealLidar(config, plane).scan(frames.pose((0, 0, 1), (roll, pitch, yaw)))
+    scan = IdealLidar(config, plane).scan(transforms.pose((0, 0, 1), (roll, pitch, yaw)))
     ranges = grid(scan, config)[:, 0]
     assert ranges[column] == pytest.approx(1.0 / np.sin(np.radians(10)), abs=TOLERANCE)
     assert ranges[(column + 32) % 64] == 0.0
@@ -83,7 +83,7 @@ def test_tilted_ring_hits_ground_on_its_low_side(
 
 def test_ranges_of_a_tilted_scanner_match_closed_form(plane: Scene) -> None:
     config = LidarConfig(columns=128, rings=32, max_range=25.0)
-    scan = IdealLidar(config, plane).scan(frames.pose((1, 2, 1.5), (7, -13, 40)))
+    scan = IdealLidar(config, plane).scan(transforms.pose((1, 2, 1.5), (7, -13, 40)))
     down = -(ray_directions(config) @ rotation(7, -13, 40).T)[..., 2]
     expected = np.where(down > 1e-9, 1.5 / np.maximum(down, 1e-9), np.inf)
     certain = np.abs(expected - 25.0) > 1e-3
@@ -113,7 +113,7 @@ def test_cells_are_split_along_the_diagonal_from_the_low_corner() -> None:
     scene = Scene(replace(world, terrain=terrain))
     config = LidarConfig(columns=8, rings=1)
     for x, y, height in ((-10.0, 10.0, 3.0 * 0.5), (10.0, -10.0, 0.0), (5.0, 5.001, 0.0), (-19.0, 19.0, 3.0 * 0.95)):
-        scan = IdealLidar(config, scene).scan(frames.pose((x, y, 10), (0, 90, 0)))
+        scan = IdealLidar(config, scene).scan(transforms.pose((x, y, 10), (0, 90, 0)))
         assert scan.column[0] == 0
         assert scan.range_m[0] == pytest.approx(10.0 - height, abs=1e-3 if y == 5.001 else TOLERANCE)
 
@@ -121,7 +121,7 @@ def test_cells_are_split_along_the_diagonal_from_the_low_corner() -> None:
 def test_ranges_inside_a_box_match_closed_form() -> None:
     config, origin = LidarConfig(), np.array([1.0, -2.0, 0.5])
     for rpy in ((0.0, 0.0, 0.0), (12.0, 34.0, 56.0)):
-        scan = IdealLidar(config, room(5, 4, 3)).scan(frames.pose(origin.tolist(), rpy))
+        scan = IdealLidar(config, room(5, 4, 3)).scan(transforms.pose(origin.tolist(), rpy))
         directions = ray_directions(config) @ rotation(*rpy).T
         assert grid(scan, config) == pytest.approx(to_box(origin, directions, np.array([5.0, 4.0, 3.0])), abs=TOLERANCE)
 
@@ -189,7 +189,7 @@ def test_sizes_that_no_packet_divides_have_no_gaps() -> None:
 
 def test_points_are_directions_times_ranges() -> None:
     config = LidarConfig()
-    scan = IdealLidar(config, room(7, 5, 3)).scan(frames.pose((1, 1, 1), (5, 6, 7)))
+    scan = IdealLidar(config, room(7, 5, 3)).scan(transforms.pose((1, 1, 1), (5, 6, 7)))
     expected = ray_directions(config)[scan.column, scan.ring] * scan.range_m[:, None]
     assert scan.xyz == pytest.approx(expected, abs=1e-6)
     kinds = {"xyz": "f4", "range_m": "f4", "label": "u1", "instance": "u4", "ring": "u2", "column": "u2", "t_ns": "u4"}
@@ -200,7 +200,7 @@ def test_points_are_directions_times_ranges() -> None:
 def test_spinning_scan_reports_points_in_the_frame_of_their_column() -> None:
     """The sensor moves 0.4 m and 20 deg in one revolution; with their column's pose, points are on the walls."""
     config, half = LidarConfig(spinning=True), np.array([5.0, 4.0, 3.0])
-    poses = np.stack([frames.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(513)])
+    poses = np.stack([transforms.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(513)])
     scan = IdealLidar(config, room(*half)).scan(poses)
     expected = np.stack(
         [to_box(p[:3, 3], d @ p[:3, :3].T, half) for p, d in zip(poses[:-1], ray_directions(config), strict=True)]

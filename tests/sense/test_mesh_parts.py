@@ -7,7 +7,7 @@ import pytest
 from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, floating, make_mesh, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.sense.parts import parts_of
+from fieldtruth.sense.scene import parts_of
 from fieldtruth.world.model import Mesh
 
 CROWN = BOX_CORNERS * (3.0, 3.0, 1.0) + (0.0, 0.0, 7.0)

@@ -9,7 +9,7 @@ import pytest
 from sense_worlds import F8, at, box, floating
 
 from fieldtruth import cli
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.sensor_models import list_models
 from fieldtruth.sense.scene import Scene
@@ -73,7 +73,7 @@ def test_each_ray_of_a_moving_lidar_leaves_from_the_pose_of_its_own_time() -> No
     times = sweep_times_ns(config)
 
     def pose(seconds: float) -> Array:
-        return frames.pose((2.0 * seconds - 0.1, 0.3, 0.1), (1.0, 2.0, 60.0 * seconds))
+        return transforms.pose((2.0 * seconds - 0.1, 0.3, 0.1), (1.0, 2.0, 60.0 * seconds))
 
     scan = IdealLidar(config, room(*half)).scan(np.stack([pose(t / 1e9) for t in times.tolist()]))
     world_from_ray = np.stack([pose(t / 1e9) for t in scan.t_ns.tolist()])
@@ -128,7 +128,7 @@ def test_an_ouster_has_the_angles_of_its_makers_formula() -> None:
 @pytest.mark.parametrize("name", list_models("lidar"))
 def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: str) -> None:
     config, half = LidarConfig(model=name), np.array([9.0, 8.0, 7.0])
-    pose = frames.pose((0.5, -0.3, 0.2), (4, 5, 6))
+    pose = transforms.pose((0.5, -0.3, 0.2), (4, 5, 6))
     scan = IdealLidar(config, room(*half)).scan(np.broadcast_to(pose, (config.columns + 1, 4, 4)))
     assert len(scan.range_m) == config.columns * config.rings
     world = scan.xyz.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]

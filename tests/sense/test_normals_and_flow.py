@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, box, floating, make_mesh, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions, project
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.sense.robot_view import robot_views
+from fieldtruth.sense.robot import robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
@@ -72,13 +72,13 @@ def sphere(radius: float, count: int = 160) -> Any:
 
 CLUTTER = make_world(
     [
-        (box("near", (0.4, 0.3, 0.8)), frames.pose((4.0, 0.8, 0.5), (10.0, 20.0, 30.0))),
-        (box("far", (1.0, 1.0, 1.5)), frames.pose((9.0, -1.5, 1.0), (0.0, 0.0, 50.0))),
-        (quad("fence", np.array([[0, -2, 0], [0, 2, 0], [0, 2, 1.2], [0, -2, 1.2]])), frames.pose((6.5, 1.5, 0.0))),
+        (box("near", (0.4, 0.3, 0.8)), transforms.pose((4.0, 0.8, 0.5), (10.0, 20.0, 30.0))),
+        (box("far", (1.0, 1.0, 1.5)), transforms.pose((9.0, -1.5, 1.0), (0.0, 0.0, 50.0))),
+        (quad("fence", np.array([[0, -2, 0], [0, 2, 0], [0, 2, 1.2], [0, -2, 1.2]])), transforms.pose((6.5, 1.5, 0.0))),
     ],
     height=lambda x, y: 0.1 * x,
 )
-EYE = frames.pose((0.0, 0.0, 1.2), (0.0, 4.0, 3.0)) @ OPTICAL
+EYE = transforms.pose((0.0, 0.0, 1.2), (0.0, 4.0, 3.0)) @ OPTICAL
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def clutter() -> Scene:
 
 
 def test_normals_of_a_turned_and_scaled_box_are_those_of_its_faces() -> None:
-    pose = frames.pose((4.0, 0.3, -0.4), (0.0, -35.0, 40.0))
+    pose = transforms.pose((4.0, 0.3, -0.4), (0.0, -35.0, 40.0))
     scaled = pose.copy()
     scaled[:3, :3] *= 1.7
     camera = camera_of(floating((box("block", (0.5, 0.7, 0.9)), scaled)))
@@ -101,7 +101,7 @@ def test_normals_of_a_turned_and_scaled_box_are_those_of_its_faces() -> None:
     in_box = images.normal[seen] @ (EYE[:3, :3].T @ pose[:3, :3])
     axis = np.abs(in_box).argmax(axis=1)
     assert np.abs(np.abs(in_box) - np.eye(3)[axis]).max() < 1e-5
-    inside = frames.transform(frames.inverse(pose) @ EYE, points_of(camera, images)[seen]) / 1.7
+    inside = transforms.transform(transforms.inverse(pose) @ EYE, points_of(camera, images)[seen]) / 1.7
     face = np.abs(inside) / [0.5, 0.7, 0.9]
     flat = np.sort(face, axis=1)[:, 1] < 0.99  # not at an edge
     rows = np.arange(len(axis))[flat]
@@ -121,7 +121,7 @@ def test_normals_of_a_slope_and_of_a_sphere() -> None:
     camera = camera_of(floating((sphere(radius), at(*centre))))
     images = camera.label(EYE)
     seen = images.depth > 0
-    outwards = (frames.transform(EYE, points_of(camera, images)[seen]) - centre) / radius @ EYE[:3, :3]
+    outwards = (transforms.transform(EYE, points_of(camera, images)[seen]) - centre) / radius @ EYE[:3, :3]
     assert seen.sum() > 1000
     turned = np.degrees(np.arccos(np.clip((images.normal[seen] * outwards).sum(axis=1), -1.0, 1.0)))
     assert turned.max() < 1.0  # half a facet's angle
@@ -174,7 +174,7 @@ def grid() -> tuple[F8, F8]:
 def test_flow_towards_a_wall_expands_and_beside_it_shifts() -> None:
     camera = camera_of(wall(8.0))
     (u, v), lens = grid(), camera.config.projection
-    ahead = flow_of(camera, OPTICAL, frames.pose((2.0, 0.0, 0.0)) @ OPTICAL)
+    ahead = flow_of(camera, OPTICAL, transforms.pose((2.0, 0.0, 0.0)) @ OPTICAL)
     grown = 8.0 / 6.0 - 1.0
     expected = np.stack([(u - lens.cx) * grown, (v - lens.cy) * grown], axis=-1)
     inside = (np.abs(u + expected[..., 0] - lens.cx) < WIDTH / 2) & (
@@ -183,7 +183,9 @@ def test_flow_towards_a_wall_expands_and_beside_it_shifts() -> None:
     assert np.abs(ahead - expected)[inside].max() < 1e-4
     assert np.isnan(ahead[~inside]).all()
     assert inside.sum() in range(3000, WIDTH * HEIGHT)
-    left = flow_of(camera, OPTICAL, frames.pose((0.0, 0.5, 0.25)) @ OPTICAL)  # what stands still moves right and down
+    left = flow_of(
+        camera, OPTICAL, transforms.pose((0.0, 0.5, 0.25)) @ OPTICAL
+    )  # what stands still moves right and down
     shift = np.array([0.5 * lens.fx / 8.0, 0.25 * lens.fy / 8.0])
     assert np.abs(left[~np.isnan(left[..., 0])] - shift).max() < 1e-4
 
@@ -191,7 +193,7 @@ def test_flow_towards_a_wall_expands_and_beside_it_shifts() -> None:
 def test_a_turn_about_the_axis_turns_the_image_and_sky_moves_by_rotation_alone() -> None:
     camera = camera_of(wall(8.0), horizontal_fov_deg=60.0, vertical_fov_deg=42.1)
     (u, v), lens, angle = grid(), camera.config.projection, np.radians(5.0)
-    turned = flow_of(camera, OPTICAL, OPTICAL @ frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, 5.0)))
+    turned = flow_of(camera, OPTICAL, OPTICAL @ transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, 5.0)))
     x, y = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     to_u = lens.cx + lens.fx * (np.cos(angle) * x + np.sin(angle) * y)
     to_v = lens.cy + lens.fy * (-np.sin(angle) * x + np.cos(angle) * y)
@@ -199,8 +201,8 @@ def test_a_turn_about_the_axis_turns_the_image_and_sky_moves_by_rotation_alone()
     assert known.mean() > 0.9
     assert np.abs(turned - np.stack([to_u - u, to_v - v], axis=-1))[known].max() < 1e-4
     sky = camera_of(floating((box("behind", (0.1, 0.1, 0.1)), at(-5.0, 0.0, 0.0))))
-    moved = flow_of(sky, OPTICAL, frames.pose((3.0, 2.0, -1.0), (0.0, 0.0, 2.0)) @ OPTICAL)
-    still = flow_of(sky, OPTICAL, frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, 2.0)) @ OPTICAL)
+    moved = flow_of(sky, OPTICAL, transforms.pose((3.0, 2.0, -1.0), (0.0, 0.0, 2.0)) @ OPTICAL)
+    still = flow_of(sky, OPTICAL, transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, 2.0)) @ OPTICAL)
     assert np.array_equal(moved, still, equal_nan=True)
     middle = moved[HEIGHT // 2, WIDTH // 2, 0]  # a turn to the left moves the image to the right
     assert middle == pytest.approx(sky.config.projection.fx * np.tan(np.radians(2.0)), rel=0.01)
@@ -208,7 +210,7 @@ def test_a_turn_about_the_axis_turns_the_image_and_sky_moves_by_rotation_alone()
 
 def test_flow_of_a_panorama_turns_across_its_seam() -> None:
     camera = camera_of(wall(8.0), "panorama")
-    turned = flow_of(camera, OPTICAL, frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, 30.0)) @ OPTICAL)
+    turned = flow_of(camera, OPTICAL, transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, 30.0)) @ OPTICAL)
     assert np.abs(turned - [WIDTH * 30.0 / 360.0, 0.0]).max() < 1e-3
     assert not np.isnan(turned).any()
 
@@ -219,7 +221,7 @@ def test_what_a_post_hides_in_the_next_image_has_no_flow() -> None:
         (quad("wall", [[0, -60, -60], [0, 60, -60], [0, 60, 60], [0, -60, 60]]), at(8, 0, 0)), (post, at(2, 0, 0))
     )
     camera = camera_of(scene)
-    later = frames.pose((0.0, 0.3, 0.0)) @ OPTICAL  # to the left
+    later = transforms.pose((0.0, 0.3, 0.0)) @ OPTICAL  # to the left
     images = camera.label(OPTICAL)
     row = camera.flow(images, OPTICAL, later)[HEIGHT // 2]
     y = (
@@ -242,13 +244,13 @@ def test_what_a_post_hides_in_the_next_image_has_no_flow() -> None:
 @pytest.mark.parametrize("lens", LENSES)
 def test_flow_leads_to_the_same_object_at_its_depth(clutter: Scene, lens: str) -> None:
     camera = camera_of(clutter, lens)
-    later = frames.pose((0.25, 0.1, 1.25), (2.0, 3.0, 6.0)) @ OPTICAL
+    later = transforms.pose((0.25, 0.1, 1.25), (2.0, 3.0, 6.0)) @ OPTICAL
     now, after = camera.label(EYE), camera.label(later)
     flow = camera.flow(now, EYE, later)
     known = ~np.isnan(flow[..., 0])
     assert known.mean() > 0.5
     target = np.stack(grid(), axis=-1) + flow
-    points = frames.transform(frames.inverse(later) @ EYE, points_of(camera, now).reshape(-1, 3)).reshape(
+    points = transforms.transform(transforms.inverse(later) @ EYE, points_of(camera, now).reshape(-1, 3)).reshape(
         now.normal.shape
     )
     seen = known & (now.depth > 0)
@@ -289,7 +291,7 @@ def test_the_robot_moves_with_its_camera_and_hides_the_world() -> None:
     imager, (view,) = rig.imagers[0], robot_views(rig).values()
     camera = LabelCamera(imager.config, Scene(make_world()))
     foot = -rig.base_footprint.xyz[2]
-    bases = [frames.pose((x, 0.0, foot)) for x in (0.0, 0.2)]
+    bases = [transforms.pose((x, 0.0, foot)) for x in (0.0, 0.2)]
     now, later = (base @ imager.base_from_optical for base in bases)
     images = camera.label(now, view)
     robot = images.label == Label.ROBOT

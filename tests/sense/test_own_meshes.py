@@ -12,8 +12,8 @@ from sense_worlds import BOX_CORNERS, BOX_FACES
 import fieldtruth as ft
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
-from fieldtruth.world.store import read_world, save_world
+from fieldtruth.validation.tracer import ReferenceTracer
+from fieldtruth.world.build import read_world, save_world
 
 QUAD = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
 """A unit square whose outer side is up."""

@@ -7,7 +7,7 @@ import pytest
 from sense_worlds import at, box, floating, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.sense.rays import cast_rays
+from fieldtruth.sense.scene import cast_rays
 
 ROOM = floating((box("room", (6.0, 5.0, 4.0)), at(0, 0, 0)))
 

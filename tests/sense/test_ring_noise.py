@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.core.frames import pose_from_quaternion_wxyz
+from fieldtruth.core.transforms import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, box, floating, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
@@ -17,8 +17,17 @@ from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.robot import NO_FACE, RIM
 from fieldtruth.report.rig.coverage import ground_coverage
-from fieldtruth.sense.robot_rays import METAL, PAINT, RUBBER, material_of, meet, part_table
-from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
+from fieldtruth.sense.robot import (
+    METAL,
+    PAINT,
+    RUBBER,
+    RobotView,
+    material_of,
+    meet,
+    part_table,
+    robot_view,
+    robot_views,
+)
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.measuring import Lidar
@@ -29,7 +38,7 @@ F8 = NDArray[np.float64]
 HUSKY = Rig()
 DECK = HUSKY.robot.chassis_top  # [m] above base_link
 FOOT = -HUSKY.base_footprint.xyz[2]  # [m] of base_link above flat ground
-WORLD_FROM_BASE = frames.pose((3.0, -2.0, FOOT), (0.0, 0.0, 30.0))
+WORLD_FROM_BASE = transforms.pose((3.0, -2.0, FOOT), (0.0, 0.0, 30.0))
 ROBOT = int(Label.ROBOT)
 
 
@@ -53,7 +62,7 @@ def scan_of(rig: Rig, scene: Scene, pose: F8 = WORLD_FROM_BASE, *, visible: bool
 
 
 def in_base(rig: Rig, scan: Scan) -> F8:
-    return frames.transform(rig.lidar.mount.base_from_sensor, scan.xyz.astype(np.float64))
+    return transforms.transform(rig.lidar.mount.base_from_sensor, scan.xyz.astype(np.float64))
 
 
 @pytest.fixture(scope="module")
@@ -201,7 +210,7 @@ def test_what_is_in_front_of_the_robot_hides_it() -> None:
     """A board and a sheet of water between LiDAR and deck: one returns, the other does not; both hide the deck."""
     half, height = 0.2, 0.2
     rig = lidar_at((0.0, 0.0, DECK + 2 * height))
-    pose = frames.pose((0.0, 0.0, 5.0))
+    pose = transforms.pose((0.0, 0.0, 5.0))
     board = box("board", (half, half, 0.01), "wood"), at(half, 0.0, 5.0 + DECK + height)
     sheet = quad("sheet", [[-half, -half, 0], [0, -half, 0], [0, half, 0], [-half, half, 0]], "water")
     lake = sheet, at(0.0, 0.0, 5.0 + DECK + height)
@@ -220,7 +229,7 @@ def test_a_spinning_lidar_on_a_moving_robot_sees_it_as_one_that_stands(flat: Sce
     config = rig.lidar
     still = scan_of(rig, flat)
     poses = np.array([
-        frames.pose((0.002 * k, 0.0, FOOT), (0.0, 0.0, 0.1 * k)) @ config.mount.base_from_sensor
+        transforms.pose((0.002 * k, 0.0, FOOT), (0.0, 0.0, 0.1 * k)) @ config.mount.base_from_sensor
         for k in range(config.columns + 1)
     ])  # fmt: skip
     moving = IdealLidar(config, flat, visible_parts(rig)).scan(poses)
@@ -309,7 +318,7 @@ def test_depth_of_every_lens_leads_to_the_surface_of_the_robot(lens: dict[str, A
     rays = directions(imager.config.projection, u, v)
     if imager.config.projection.model in FLAT:
         rays = rays / rays[:, 2:]
-    points = frames.transform(imager.base_from_optical, rays * images.depth[own][:, None])
+    points = transforms.transform(imager.base_from_optical, rays * images.depth[own][:, None])
     assert (np.abs(points[:, 2] - DECK) < 1e-5).mean() > 0.5
     assert (points[:, 2] < DECK + 1e-5).all()
     assert (np.abs(points) < [0.495 + 1e-5, 0.335 + 1e-5, np.inf]).all()

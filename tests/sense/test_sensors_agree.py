@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 from sense_worlds import F8, built_scene, trace_rays
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
@@ -59,7 +59,7 @@ def views(scene: Scene) -> list[View]:
     for (roll, pitch), start, end in zip(ATTITUDES, corners[:-1], corners[1:], strict=False):
         yaw = np.degrees(np.arctan2(*(end - start)[::-1]))
         z = float(scene.world.terrain.field.height_at(*start)) + BASE_HEIGHT
-        base = frames.pose((*start, z), (roll, pitch, yaw))
+        base = transforms.pose((*start, z), (roll, pitch, yaw))
         left, right = (camera.label(base @ optical(side)) for side in ("left", "right"))
         scan = lidar.scan(base @ RIG.lidar.mount.base_from_sensor)
         found.append(View(base, scan, left, right, smooth(left), smooth(right)))
@@ -79,13 +79,13 @@ class Projected(NamedTuple):
 
 def project(view: View, side: str) -> Projected:
     """LiDAR points in an image, at least 4 pixels from its border, projected by the static transforms and K."""
-    optical_from_lidar = frames.inverse(optical(side)) @ RIG.lidar.mount.base_from_sensor
-    x, y, z = frames.transform(optical_from_lidar, view.scan.xyz).T
+    optical_from_lidar = transforms.inverse(optical(side)) @ RIG.lidar.mount.base_from_sensor
+    x, y, z = transforms.transform(optical_from_lidar, view.scan.xyz).T
     ahead = z > 0.1
     u, v = (np.full(len(z), -1.0) for _ in range(2))
     u[ahead], v[ahead] = LENS.cx + LENS.fx * (x / z)[ahead], LENS.cy + LENS.fy * (y / z)[ahead]
     rows = np.flatnonzero((u > 4) & (u < RIG.stereo.width - 5) & (v > 4) & (v < RIG.stereo.height - 5))
-    world = frames.transform(view.world_from_base @ RIG.lidar.mount.base_from_sensor, view.scan.xyz[rows])
+    world = transforms.transform(view.world_from_base @ RIG.lidar.mount.base_from_sensor, view.scan.xyz[rows])
     return Projected(u[rows], v[rows], z[rows], view.scan.label[rows], view.scan.instance[rows], world)
 
 

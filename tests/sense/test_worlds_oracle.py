@@ -7,12 +7,12 @@ import pytest
 from oracle import expected_hits
 from sense_worlds import F8, box, built_scene, make_world, trace_rays
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.scene import Scene
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.tracer import ReferenceTracer
 
 RAYS = {"park": 3000, "lake": 900, "forest": 900, "hillside": 900}
 CLASSES = {"park": 9, "lake": 7, "forest": 7, "hillside": 6}
@@ -38,7 +38,7 @@ def robot_rays(scene: Scene, count: int, rng: np.random.Generator) -> tuple[F8, 
 
 def test_oracle_on_a_box() -> None:
     """It finds a rotated box with half edge lengths 1, 2, 3 m, and marks rays along its edges as doubtful."""
-    pose = frames.pose((10, 0, 5), (0, 0, 90))
+    pose = transforms.pose((10, 0, 5), (0, 0, 90))
     world = make_world([(box("box", (1, 2, 3), "bark"), pose)])
     origins = np.array([[0, 0.1, 5.2], [0, 1.5, 5.0], [0, 0.999999, 5.3], [3.1, 3.2, 2.0], [0, 0.5, 5.5]])
     directions = np.array([[1.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, -1], [0, 0, 1]])

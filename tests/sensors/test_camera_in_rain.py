@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from sense_worlds import make_world
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.drops import rain, snow
+from fieldtruth.sense.air import rain, snow
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.on_glass import drops_at, dust_of
@@ -31,7 +31,7 @@ STAMP = 2_000_000_000
 
 def poses(seconds: float, speed: float = 0.0) -> Array:
     """Of a camera that looks along x, at the begin, middle and end of an exposure, and drives along x."""
-    return np.stack([frames.pose((speed * t, 0, 1.0)) @ OPTICAL for t in (-seconds / 2, 0.0, seconds / 2)])
+    return np.stack([transforms.pose((speed * t, 0, 1.0)) @ OPTICAL for t in (-seconds / 2, 0.0, seconds / 2)])
 
 
 @pytest.mark.parametrize(("depth", "seconds"), [(1.0, 0.01), (4.0, 0.01), (4.0, 0.003)])
@@ -84,7 +84,7 @@ def capture(scene: BakedScene, number: int = 0, **signal: Any) -> CameraImages:
     config = CameraConfig(width=320, height=184, mount=Mount(xyz=(0.0, 0.0, 0.0)), signal=CameraSignal(**values))
 
     def standing(stamps: Any) -> Array:
-        pose = frames.pose((0, 0, 1.0))
+        pose = transforms.pose((0, 0, 1.0))
         return np.tile(pose, (len(stamps), 1, 1)) if isinstance(stamps, np.ndarray) else pose
 
     return Camera(config, scene, seed=3).capture(config.imagers()[0], number, STAMP + number * 40_000_000, standing)

@@ -12,15 +12,14 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.kernels.photograph import render_strips
+from fieldtruth.kernels.photograph import render_strips, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
@@ -53,7 +52,7 @@ def turning(rate: float, *, forward: float = 0.0) -> Poses:
 
     def poses(stamps: Any) -> F8:
         seconds = (np.atleast_1d(stamps) - STAMP) / 1e9
-        found = np.stack([frames.pose((forward * s, 0, 1.0), (0, 0, float(np.degrees(rate * s)))) for s in seconds])
+        found = np.stack([transforms.pose((forward * s, 0, 1.0), (0, 0, float(np.degrees(rate * s)))) for s in seconds])
         return found if isinstance(stamps, np.ndarray) else found[0]
 
     return poses
@@ -74,7 +73,7 @@ def clutter() -> BakedScene:
     rng = np.random.default_rng(8)
     objects: list[Placed] = [
         (box(f"box_{k}", rng.uniform(0.1, 0.4, 3).tolist(), ["stone", "bark", "wood"][k % 3]),
-         frames.pose((rng.uniform(3, 9), rng.uniform(-2, 2), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()))
+         transforms.pose((rng.uniform(3, 9), rng.uniform(-2, 2), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()))
         for k in range(25)
     ]  # fmt: skip
     return bake(Scene(make_world(objects, side=30.0)))

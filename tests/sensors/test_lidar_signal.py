@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 from sense_worlds import at, box, floating, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import parse_experiment
@@ -84,7 +84,7 @@ def test_power_falls_with_the_cosine_of_incidence(tilt: float) -> None:
 def test_incidence_on_a_turned_and_scaled_object(rpy: tuple[float, float, float]) -> None:
     """A wall that is an object turned about all axes: its normal is not that of its mesh."""
     flat = quad("wall", [[0, -9, -9], [0, 9, -9], [0, 9, 9], [0, -9, 9]])
-    pose = frames.pose((20.0, 0.0, 0.0), rpy)
+    pose = transforms.pose((20.0, 0.0, 0.0), rpy)
     normal = pose[:3, 0].copy()
     pose[:3, :3] *= 3.0
     upright = median_signal(wall(20.0), BRIGHT)
@@ -179,7 +179,7 @@ def test_truth_is_that_of_the_ideal_lidar(moving: bool) -> None:
     values: dict[str, Any] = {"columns": 256, "spinning": moving, "max_range": 60.0}
     poses = at(1, 2, 0.5)
     if moving:
-        poses = np.stack([frames.pose((0.01 * k, 0, 0.5), (0, 0, 0.1 * k)) for k in range(257)])
+        poses = np.stack([transforms.pose((0.01 * k, 0, 0.5), (0, 0, 0.1 * k)) for k in range(257)])
     signal = {**SHEET, "reach": [[0.3, 45.0]]}
     ideal = Lidar(LidarConfig(**values), room()).scan(poses)
     found = Lidar(LidarConfig(**values, signal=signal_of(signal)), room()).measured(poses)

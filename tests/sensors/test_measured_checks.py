@@ -19,7 +19,7 @@ from fieldtruth.sensors.imu.noise import ImuErrors, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
 from fieldtruth.sensors.wheel_odometry.check_noise import WheelNoise
 from fieldtruth.validation.check import Check, Spec, Tally
-from fieldtruth.validation.motion.clocks import Clocks
+from fieldtruth.validation.streams import Clocks
 
 RATE = 200.0
 STAMPS = stamps_at_rate(RATE, 60 * 10**9)

@@ -16,7 +16,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
@@ -89,7 +89,7 @@ def test_flow_in_the_bag_leads_to_the_next_recorded_image(runs: dict[str, Path],
         poses = [trajectory.world_from_base(stamp) @ imager.base_from_optical for stamp in (now, later)]
         z = read.depth(depths[now]).astype(float)
         points = np.stack([(u - lens.cx) / lens.fx * z, (v - lens.cy) / lens.fy * z, z], axis=-1)[np.isfinite(z)]
-        x, y, z_later = frames.transform(frames.inverse(poses[1]) @ poses[0], points).T
+        x, y, z_later = transforms.transform(transforms.inverse(poses[1]) @ poses[0], points).T
         due = np.stack([lens.cx + lens.fx * x / z_later, lens.cy + lens.fy * y / z_later], axis=-1)
         flow = read.flow(flows[now])
         target = (np.stack([u, v], axis=-1) + flow)[np.isfinite(z)]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
-from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.rays import NOTHING, RayReading, mismatches
+from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
 
 F8 = NDArray[np.float64]
@@ -23,7 +23,7 @@ F8 = NDArray[np.float64]
 RAY = np.zeros(3), np.array([1.0, 0.0, 0.0])
 """In base_link, of sensors whose robot is not visible."""
 HALF = np.array([1.0, 2.0, 3.0])
-POSE = frames.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
+POSE = transforms.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
 CONFIG = LidarConfig(columns=32, rings=24, min_range=0.5, max_range=60.0)
 
 
@@ -176,7 +176,7 @@ def scan(park: RebuiltWorld) -> Scan:
 
 def lidar_pose(park: RebuiltWorld) -> F8:
     height = float(park.world.terrain.field.height_at(-20.0, -3.0))
-    return frames.pose((-20.0, -3.0, height + 0.96), (3.0, -4.0, 70.0))
+    return transforms.pose((-20.0, -3.0, height + 0.96), (3.0, -4.0, 70.0))
 
 
 def readings_of(park: RebuiltWorld, scan: Scan) -> list[RayReading]:

@@ -24,11 +24,11 @@ from fieldtruth.campaign.measure import _bytes_once
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate_by
-from fieldtruth.report.page.world_view import _same_objects
+from fieldtruth.report.page.map import _same_objects
 from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.retrace.world import WorldObjects
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.streams import check_topics
+from fieldtruth.validation.world import WorldObjects
 
 ALL = ("husky", "ground", *(f"tree_{k}" for k in range(2, 7)))
 

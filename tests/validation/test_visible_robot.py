@@ -14,20 +14,19 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
 from fieldtruth.bag.decode import labels, points, read_bag
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.pipeline import generate
-from fieldtruth.sense.robot_rays import meet, part_table
+from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation import Check
-from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
-from fieldtruth.validation.retrace.robot import robot_hits, robot_parts
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hits, robot_parts
+from fieldtruth.validation.tracer import ReferenceTracer
 
 F8 = NDArray[np.float64]
 Validate = Callable[..., list[Check]]
@@ -39,7 +38,7 @@ RIG = Rig.model_validate({
         "mount": {"xyz": [0.1, 0.05, 0.6], "rpy_deg": [3.0, 25.0, 20.0]},
     }],
 })  # fmt: skip
-WORLD_FROM_BASE = frames.pose((2.0, 1.0, 0.14), (2.0, 3.0, 40.0))
+WORLD_FROM_BASE = transforms.pose((2.0, 1.0, 0.14), (2.0, 3.0, 40.0))
 
 
 def test_the_search_finds_what_the_formulas_find() -> None:
@@ -174,8 +173,8 @@ def test_a_robot_that_all_sensors_see_elsewhere_is_found(
     def wrong(table: F8, origin: Any, directions: F8) -> Any:
         return meet(table, np.asarray(origin) - (0.0, 0.0, 0.05), directions)
 
-    monkeypatch.setattr("fieldtruth.sense.robot_scan.meet", wrong)
-    monkeypatch.setattr("fieldtruth.sense.robot_view.meet", wrong)
+    monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
+    monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
     run = generate(experiment(), tmp_path).parent
     texts = failures(validate_in_park(run, samples=10))
     assert set(texts) == {"independent rays"}

@@ -25,7 +25,7 @@ from fieldtruth.core.png import ids_png
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.exporters import export
-from fieldtruth.exporters.coco_segments import Numbering, categories_of
+from fieldtruth.exporters.coco import Numbering, categories_of
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

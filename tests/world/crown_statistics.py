@@ -12,7 +12,7 @@ from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.plants.plant import FOLIAGE
+from fieldtruth.world.plants.trees import FOLIAGE
 
 SENSOR_HEIGHT = 0.85  # [m]
 BETWEEN_COLUMNS = 2 * np.pi / 2048  # [rad]: the real scanner's finest

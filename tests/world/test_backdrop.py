@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from fieldtruth.world.backdrop import BEND, FINE_REPEAT, _laid_out, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.placement import SwarmSpec
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
-from fieldtruth.world.swarms import SwarmSpec
 
 F8 = NDArray[np.float64]
 SIZE = (20.0, 10.0)

@@ -17,7 +17,7 @@ from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.forest.plants import TREE_DETAIL
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import TREES, grow_tree
-from fieldtruth.world.plants.variation import leaf_share
+from fieldtruth.world.plants.species import leaf_share
 
 HEIGHT = {"old": 20.0, "grown": 12.0, "young": 4.5}  # [m]
 DISTANCES = {"old": (20.0, 35.0), "grown": (10.0, 25.0), "young": (5.0, 15.0)}

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from sense_worlds import F8, box, make_world, quad, trace_rays, without_textures
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
+from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.build import build_world, layout_model, load_world
-from fieldtruth.world.edge import cut_at_edge
 from fieldtruth.world.model import Mesh, Swarm, World
 
 
@@ -29,7 +29,7 @@ def area_vector(triangles: F8) -> F8:
 
 
 def with_swarm(world: World, mesh: Mesh, xy: list[tuple[float, float]]) -> World:
-    poses = np.array([frames.pose((x, y, 0.0), (0, 0, 0)) for x, y in xy])
+    poses = np.array([transforms.pose((x, y, 0.0), (0, 0, 0)) for x, y in xy])
     swarm = Swarm(
         name="swarm", kind="stone", object_id=len(world.object_names), meshes=(mesh.name,),
         mesh=np.zeros(len(xy), np.int32), world_from_object=poses, tint=np.ones((len(xy), 3), np.float32),
@@ -42,7 +42,7 @@ def with_swarm(world: World, mesh: Mesh, xy: list[tuple[float, float]]) -> World
 
 def test_a_box_is_cut_where_it_crosses_the_edge() -> None:
     """Half edge lengths 1, 2, 3 m, turned about z by 90 deg and scaled by 1/2: 2 x 1 x 3 m about (x, y, 0)."""
-    turned = frames.pose((0, 0, 0), (0, 0, 90))
+    turned = transforms.pose((0, 0, 0), (0, 0, 90))
     turned[:3, :3] *= 0.5
     poses = [turned.copy() for _ in range(3)]
     for pose, xy in zip(poses, ((0.0, 0.0), (19.7, 0.0), (-19.7, 19.8)), strict=True):

@@ -17,9 +17,9 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.forest.plants import AGES
+from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, Instance, World
 from fieldtruth.world.plants import TREES
-from fieldtruth.world.trails import Line
 
 F8 = NDArray[np.float64]
 CONFIG = ForestConfig()

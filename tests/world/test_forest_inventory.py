@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import kstest, weibull_min
 from sense_worlds import trace_rays
 
-from fieldtruth.interchange.inventory import COLUMNS, inventory
-from fieldtruth.interchange.measures import BREAST_HEIGHT, measure, moved, trunk_diameter
+from fieldtruth.interchange.inventory import BREAST_HEIGHT, COLUMNS, inventory, measure, moved, trunk_diameter
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 from fieldtruth.world.materials import MATERIALS

@@ -6,10 +6,22 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose
-from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded, signed_area, triangulate
-from fieldtruth.world.furniture.shapes import TILE, make_box, make_extrusion, make_lathe, make_tube, placed
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.model import Mesh
+from fieldtruth.world.solids import (
+    TILE,
+    at_length,
+    bar_outline,
+    make_box,
+    make_extrusion,
+    make_lathe,
+    make_tube,
+    path_length,
+    placed,
+    rounded,
+    signed_area,
+    triangulate,
+)
 
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)], np.float64)
 VASE = np.array([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.5), (0, 0.5)], np.float64)

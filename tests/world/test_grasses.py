@@ -12,8 +12,8 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import GRASSES, GrassSpecies, grow_clump, grow_tuft
-from fieldtruth.world.plants.blades import STEPS, discs, kites, midribs, pinnae, spindles, strips
-from fieldtruth.world.plants.meshing import Surface
+from fieldtruth.world.plants.grasses import STEPS, discs, kites, midribs, pinnae, spindles, strips
+from fieldtruth.world.plants.growth import Surface
 
 every_species = pytest.mark.parametrize("species", GRASSES.values(), ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])

@@ -19,10 +19,9 @@ from fieldtruth.drive.traversability import Blockage, Traversability
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.hillside.build import build as build_hillside
 from fieldtruth.world.environments.hillside.config import Config as HillsideConfig
+from fieldtruth.world.grids import Line
 from fieldtruth.world.model import World
-from fieldtruth.world.rocks import ROCK_TYPES
-from fieldtruth.world.rocks.laying import rim_vertices
-from fieldtruth.world.trails import Line
+from fieldtruth.world.rocks import ROCK_TYPES, rim_vertices
 
 F8 = NDArray[np.float64]
 ROCKS = {"crag": 26, "boulder": 34, "rock": 44, "slab": 16}

@@ -16,9 +16,9 @@ from fieldtruth.core.classes import Label
 from fieldtruth.drive.ground import mean_ground
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
+from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, World
 from fieldtruth.world.placement import CrowdedWorldError
-from fieldtruth.world.trails import Line
 
 F8 = NDArray[np.float64]
 COUNTS = {

@@ -15,10 +15,9 @@ from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.environments.layout import network
-from fieldtruth.world.grids import coarseness
+from fieldtruth.world.grids import Line, coarseness, make_trails
 from fieldtruth.world.model import Heightfield
 from fieldtruth.world.placement import ObjectGroup, WorldBuilder
-from fieldtruth.world.trails import Line, make_trails
 
 SIZE = (150.0, 100.0)
 TRAILS = ForestConfig().trails

@@ -10,10 +10,8 @@ from sense_worlds import without_textures
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.bearing import hard_surfaces
 from fieldtruth.world.build import build_world
-from fieldtruth.world.ground_types import GROUND_TYPES
-from fieldtruth.world.litter import LITTER_BY_GROUND
-from fieldtruth.world.litter_shapes import SHAPES
-from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.litter import LITTER_BY_GROUND, SHAPES
+from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Swarm, World
 
 LAYOUT = {"size": [30, 24], "grid": 0.1, "old_trees": 8, "grown_trees": 6, "young_trees": 4, "snags": 1}

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from fieldtruth.world.backdrop import COARSER, FAR_RINGS, RINGS, make_backdrop
+from fieldtruth.world.grids import Line, Trail, fractal_noise, signed_distance
 from fieldtruth.world.model import Heightfield, Raster
-from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.trails import Line, Trail, signed_distance
 
 
 def test_line_passes_its_corners_in_steps_of_5_cm() -> None:

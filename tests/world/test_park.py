@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.world.backdrop import COARSER, NEAR_STEP
 from fieldtruth.world.build import build_world
-from fieldtruth.world.environments.park.corridors import CORRIDORS
+from fieldtruth.world.environments.park.config import CORRIDORS
 from fieldtruth.world.model import Instance, Mesh, Swarm, World
 from fieldtruth.world.plants import TREES
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.environments.park.beds import STONE, Bed, bed_distance
-from fieldtruth.world.environments.park.corridors import CORRIDORS
+from fieldtruth.world.environments.park.config import CORRIDORS
 from fieldtruth.world.model import LITTER, Swarm, World
 
 F8 = NDArray[np.float64]

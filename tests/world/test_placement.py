@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Heightfield, Instance, Mesh
-from fieldtruth.world.placement import CrowdedWorldError, ObjectGroup, WorldBuilder, place_until_count
-from fieldtruth.world.poses import random_tint
-from fieldtruth.world.trails import Line, Trail
+from fieldtruth.world.placement import CrowdedWorldError, ObjectGroup, WorldBuilder, place_until_count, random_tint
 
 F8 = NDArray[np.float64]
 

@@ -17,8 +17,7 @@ from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import BUSHES, TREES, GrownIn, grow_bush, grow_tree
 from fieldtruth.world.plants.growth import grow_skeleton
-from fieldtruth.world.plants.species import Habit, Leaf
-from fieldtruth.world.plants.variation import at_detail, individual
+from fieldtruth.world.plants.species import Habit, Leaf, at_detail, individual
 
 FOLIAGE = 1
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fieldtruth.world.plants import BUSHES, TREES, Species
-from fieldtruth.world.plants.growth import Stems, grow_skeleton
-from fieldtruth.world.plants.meshing import trunk, tubes
+from fieldtruth.world.plants.growth import Stems, grow_skeleton, trunk, tubes
 
 PLANTS = [
     *[(s, h) for s in TREES.values() for h in (11.0, 3.6)],

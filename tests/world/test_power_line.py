@@ -9,14 +9,22 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
+from fieldtruth.world.environments.lake.build import string_line
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.environments.lake.power_line import string_line
-from fieldtruth.world.furniture import hang, make_cable, make_power_pole, wire_points
-from fieldtruth.world.furniture.cables import BUNDLE_RADIUS, CHORD_ERROR, CONDUCTOR_RADIUS, Catenary
+from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
-from fieldtruth.world.trails import Line
+from fieldtruth.world.power_lines import (
+    BUNDLE_RADIUS,
+    CHORD_ERROR,
+    CONDUCTOR_RADIUS,
+    Catenary,
+    hang,
+    make_cable,
+    make_power_pole,
+    wire_points,
+)
 
 F8 = NDArray[np.float64]
 

@@ -10,11 +10,18 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
 from fieldtruth.world.placement import CrowdedWorldError, ObjectGroup, WorldBuilder
-from fieldtruth.world.rocks import ROCK_TYPES, lay_rock, make_rock, scatter_rocks
-from fieldtruth.world.rocks.laying import rim_vertices
-from fieldtruth.world.rocks.meshing import corner_normals
-from fieldtruth.world.rocks.rock import TEXTURE_LENGTH
-from fieldtruth.world.rocks.shape import broken, geodesic, worn_radius
+from fieldtruth.world.rocks import (
+    ROCK_TYPES,
+    TEXTURE_LENGTH,
+    broken,
+    corner_normals,
+    geodesic,
+    lay_rock,
+    make_rock,
+    rim_vertices,
+    scatter_rocks,
+    worn_radius,
+)
 
 
 @pytest.fixture(params=ROCK_TYPES)

@@ -12,11 +12,9 @@ from scipy.signal import detrend, welch
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.build import check_layout, layout_model, load_world, reserved_corridors
-from fieldtruth.world.ground_types import GROUND_TYPES, ISO_CLASSES, Roughness
-from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.materials import GROUND_TYPES, ISO_CLASSES, MATERIALS, Roughness
 from fieldtruth.world.model import World
-from fieldtruth.world.relief import with_microrelief
-from fieldtruth.world.relief.roughness import BAND, shaped, white_noise
+from fieldtruth.world.relief import BAND, shaped, white_noise, with_microrelief
 
 F8 = NDArray[np.float64]
 SPACING = 0.05

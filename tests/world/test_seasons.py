@@ -20,18 +20,16 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.world.build import build_world, check_layout
+from fieldtruth.world.build import build_world, check_layout, read_world, save_world
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_tree, grow_tuft
-from fieldtruth.world.seasons import SEASONAL, seasons
+from fieldtruth.world.seasons import SEASONAL, changes, seasons
 from fieldtruth.world.seasons.change import in_season, recoloured
-from fieldtruth.world.seasons.foliage import in_season as mesh_in_season
-from fieldtruth.world.seasons.foliage import variant
+from fieldtruth.world.seasons.leaves import in_season as mesh_in_season
+from fieldtruth.world.seasons.leaves import variant
 from fieldtruth.world.seasons.snow import HOLDS, SLIDES, snowed_in
-from fieldtruth.world.seasons.table import changes
-from fieldtruth.world.store import read_world, save_world
 
 SMALL: Final = {"size": [40.0, 30.0], "grid": 0.2, "large_trees": 4, "small_trees": 3, "bushes": 3, "benches": 1,
                 "lamp_posts": 1, "tables": 1, "trash_bins": 1, "individuals": 1, "beyond": False}  # fmt: skip

@@ -11,9 +11,8 @@ from park_worlds import digest, park_variant, real_park
 
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.world import build
-from fieldtruth.world.build import load_world
+from fieldtruth.world.build import load_world, read_world, save_world
 from fieldtruth.world.model import World
-from fieldtruth.world.store import read_world, save_world
 
 
 @pytest.fixture(scope="module")

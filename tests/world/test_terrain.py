@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.noise import fractal_noise, solid_noise
+from fieldtruth.world.grids import fractal_noise, solid_noise
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
 
 X, Y = np.linspace(0, 20, 101), np.linspace(0, 10, 51)

@@ -14,7 +14,7 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.trails import Line
+from fieldtruth.world.grids import Line
 
 
 @pytest.mark.parametrize("name", experiment_names())
@@ -56,19 +56,16 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     [
         "world/environments/park/build.py",
         "world/environments/park/config.py",
-        "world/environments/park/corridors.py",
-        "world/environments/park/plants.py",
         "world/plants/growth.py",
         "world/data/trees/birch.yaml",
         "world/build.py",
-        "world/store.py",
-        "core/frames.py",
+        "core/transforms.py",
         "core/classes.py",
     ],
 )
 def test_world_key_covers_every_input(file: str) -> None:
     source = Path(cache.__file__).parents[2]
-    modules = [f"{ENVIRONMENTS['park'].package}.{name}" for name in ("build", "config", "corridors")]
+    modules = [f"{ENVIRONMENTS['park'].package}.{name}" for name in ("build", "config")]
     inputs = cache.import_closure(["fieldtruth.world.build", *modules], source)
     assert source / "fieldtruth" / file in inputs
 

@@ -16,7 +16,7 @@ from fieldtruth.bag.model_states import ROBOT, ModelStatesReader, read_objects
 from fieldtruth.bag.robot_messages import ModelStatesWriter, rig_transforms
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.rig import Rig
@@ -153,7 +153,7 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
         if (np.abs(world_from_base[:2, 3]) > half).any():
             x, y = half
             raise BagError(f"{when}, outside of {world.name}, which spans x -{x:g} to {x:g} m, y -{y:g} to {y:g} m")
-        origins = frames.transform(world_from_base, [mount.xyz for mount in mounts])
+        origins = transforms.transform(world_from_base, [mount.xyz for mount in mounts])
         depth = world.terrain.field.height_at(origins[:, 0], origins[:, 1]) - origins[:, 2]
         if (depth > 0.0).any():
             raise BagError(

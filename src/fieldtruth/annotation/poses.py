@@ -23,7 +23,7 @@ from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance, timed
@@ -196,11 +196,13 @@ class _Log:
     def poses(self, base_from_frame: Array | None) -> Poses:
         """Return the kept poses, converted to base_link if ``base_from_frame`` is given."""
         table_ = np.frombuffer(self.values).reshape(-1, 7)
-        position, quaternion = table_[:, :3], frames.wxyz_from_xyzw(table_[:, 3:])
+        position, quaternion = table_[:, :3], transforms.wxyz_from_xyzw(table_[:, 3:])
         if base_from_frame is not None:
-            world_from_base = frames.pose_from_quaternion_wxyz(position, quaternion) @ frames.inverse(base_from_frame)
+            world_from_base = transforms.pose_from_quaternion_wxyz(position, quaternion) @ transforms.inverse(
+                base_from_frame
+            )
             position = world_from_base[:, :3, 3]
-            quaternion = frames.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
+            quaternion = transforms.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
         stamps = np.frombuffer(self.stamps, np.int64)
         return Poses(self.source, Trajectory(stamps, position, quaternion), np.frombuffer(self.recorded, np.int64))
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag import types as ros
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Commands
 from fieldtruth.experiment.rig import Rig
@@ -31,6 +31,6 @@ def wheel_transforms(rig: Rig, angles: Array) -> dict[str, Array]:
     """Return base_from_wheel (4, 4) by frame for the angles (n,) [rad] of the wheels about their axles."""
     mounts = rig.mounts()
     return {
-        name: mounts[name].base_from_sensor @ frames.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
+        name: mounts[name].base_from_sensor @ transforms.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
         for name, angle in zip(WHEEL_FRAMES[: len(angles)], angles, strict=True)
     }

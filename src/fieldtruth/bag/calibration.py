@@ -14,7 +14,7 @@ from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.sources import Source
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 
 BASE: Final = "base_link"
@@ -41,7 +41,7 @@ class StaticFrames:
         (root, root_from_frame), (base_root, root_from_base) = self._to_root(frame), self._to_root(BASE)
         if root != base_root:
             raise BagError(f"/tf_static of {self.source} does not connect {frame!r} with {BASE!r}")
-        return frames.inverse(root_from_base) @ root_from_frame
+        return transforms.inverse(root_from_base) @ root_from_frame
 
     def _to_root(self, frame: str) -> tuple[str, Array]:
         """Return the root of a frame's tree, and ``root_from_frame``."""

@@ -15,7 +15,7 @@ from PIL import Image, UnidentifiedImageError
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import ORIGIN, BagError, decoder, open_bag
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 
@@ -344,6 +344,6 @@ _HASH, _SLOTS = _perfect_hash()
 def _matrix(xyz: Any, q: Any) -> Array:
     wxyz, position = np.array([q.w, q.x, q.y, q.z]), [xyz.x, xyz.y, xyz.z]
     if not (np.isfinite(position).all() and abs(np.linalg.norm(wxyz) - 1.0) <= UNIT):
-        values = ", ".join(f"{value:g}" for value in (*position, *frames.xyzw_from_wxyz(wxyz)))
+        values = ", ".join(f"{value:g}" for value in (*position, *transforms.xyzw_from_wxyz(wxyz)))
         raise BagError(f"a pose must be finite, with a quaternion of length 1, got x, y, z, qx, qy, qz, qw {values}")
-    return frames.pose_from_quaternion_wxyz(position, wxyz)
+    return transforms.pose_from_quaternion_wxyz(position, wxyz)

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from fieldtruth.bag.run import MADE_BY
 from fieldtruth.core.files import write_atomically
-from fieldtruth.sense.processor import processor
+from fieldtruth.sense.embree import processor
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a bag."""

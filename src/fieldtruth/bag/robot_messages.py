@@ -18,7 +18,7 @@ from rosbags.typesys.stores.ros1_noetic import rosgraph_msgs__msg__Clock as Cloc
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
 from fieldtruth.bag.model_states import ROBOT
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
 from fieldtruth.drive.track import Motion
@@ -66,7 +66,7 @@ def tf(seq: int, stamp_ns: int, state: State, wheels: Mapping[str, Array]) -> by
 
 def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
     """Serialise nav_msgs/Odometry: the pose in the world, the twist in base_link."""
-    base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
+    base_from_world = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
     linear, angular = base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity
     twist = ros.Twist(ros.vector(linear), ros.vector(angular))
     pose = ros.Pose(ros.point(state.position), ros.quaternion(state.quaternion_wxyz))
@@ -111,5 +111,5 @@ class ModelStatesWriter:
 def _pose(world_from_object: Array) -> ros.Pose:
     """Return the pose of an object, whose matrix may also scale."""
     rotation = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
-    orientation = ros.quaternion(frames.quaternion_wxyz_from_rotation(rotation))
+    orientation = ros.quaternion(transforms.quaternion_wxyz_from_rotation(rotation))
     return ros.Pose(ros.point(world_from_object[:3, 3]), orientation)

@@ -23,7 +23,7 @@ from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError, UnknownNameError
 from fieldtruth.experiment.config import DriveConfig
@@ -52,7 +52,7 @@ class TrackFile(NamedTuple):
     def csv(self) -> str:
         """Return the content as CSV; reading it gives the same numbers, every bit of them."""
         wxyz = self.poses.quaternion_wxyz
-        rows = np.concatenate([self.poses.position, frames.xyzw_from_wxyz(wxyz)], axis=1).tolist()
+        rows = np.concatenate([self.poses.position, transforms.xyzw_from_wxyz(wxyz)], axis=1).tolist()
         lines = [f"{seconds(stamp)},{','.join(map(repr, row))}" for stamp, row in zip(self.stamps, rows, strict=True)]
         return "\n".join([",".join(("t", *_VALUES)), *lines]) + "\n"
 
@@ -79,8 +79,10 @@ class TrackFile(NamedTuple):
         if self.frame != BASE or config.world_from_track is not None:
             reference = np.eye(4) if config.world_from_track is None else config.world_from_track.base_from_sensor
             base_from_frame = _base_from(self.frame, rig)
-            pose = reference @ frames.pose_from_quaternion_wxyz(position, wxyz) @ frames.inverse(base_from_frame)
-            position, wxyz = pose[:, :3, 3], frames.quaternion_wxyz_from_rotation(pose[:, :3, :3])
+            pose = (
+                reference @ transforms.pose_from_quaternion_wxyz(position, wxyz) @ transforms.inverse(base_from_frame)
+            )
+            position, wxyz = pose[:, :3, 3], transforms.quaternion_wxyz_from_rotation(pose[:, :3, :3])
         return Trajectory(self.poses.stamps_ns, position, wxyz)
 
     @property
@@ -167,7 +169,7 @@ def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
 
 def _from_topic(name: str, poses: Trajectory, frame: str, topic: str) -> TrackFile:
     """Check the poses of a topic."""
-    values = np.concatenate([poses.position, frames.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
+    values = np.concatenate([poses.position, transforms.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
     return _checked(name, frame, poses.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
 
 
@@ -252,7 +254,7 @@ def _checked(name: str, frame: str, stamps: Counts, values: Array, where: Callab
             f"{name}: {where(row + 1)}: the path jumps by {lengths[row]:.1f} m in {spans[row]:.4g} s; at most "
             f"{MAX_SPEED:g} m/s are allowed"
         )
-    return TrackFile(name, Trajectory(stamps, values[:, :3], frames.wxyz_from_xyzw(values[:, 3:])), frame)
+    return TrackFile(name, Trajectory(stamps, values[:, :3], transforms.wxyz_from_xyzw(values[:, 3:])), frame)
 
 
 def _base_from(frame: str, rig: Rig) -> Array:

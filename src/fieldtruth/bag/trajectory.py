@@ -13,7 +13,7 @@ from fieldtruth.bag.decode import UNIT, stamp_ns
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.streams import given_stamps, refuse_second_pass, rising_rows
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 
 Rows = tuple["array[int] | Counts", "array[float]"]
@@ -44,7 +44,7 @@ class Trajectory:
         """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self) and self.stamps_ns[after] == stamp_ns:
-            return frames.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
+            return transforms.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
         if after in (0, len(self)):
             nearest = min(after, len(self) - 1)
             step = int(np.diff(self.stamps_ns).max(initial=0))
@@ -52,7 +52,7 @@ class Trajectory:
                 raise BagError(
                     f"no true pose at {stamp_ns} ns; poses range from {self.stamps_ns[0]} to {self.stamps_ns[-1]} ns"
                 )
-            return frames.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
+            return transforms.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
         before = after - 1
         share = float(stamp_ns - self.stamps_ns[before]) / float(self.stamps_ns[after] - self.stamps_ns[before])
         a, b = self.quaternion_wxyz[before], self.quaternion_wxyz[after]
@@ -63,7 +63,7 @@ class Trajectory:
         else:
             mixed = (1.0 - share) * a + share * b
         position = (1.0 - share) * self.position[before] + share * self.position[after]
-        return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
+        return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
 
 
 def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:

@@ -19,7 +19,7 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Twist as Twis
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 
 # Wording as in ROS, so that the MD5 sums are ROS's own.
@@ -92,12 +92,12 @@ def point(xyz: Array) -> Point:
 
 def quaternion(wxyz: Array) -> Quaternion:
     """Convert (4,) in the order (w, x, y, z) to a Quaternion."""
-    return Quaternion(*map(float, frames.xyzw_from_wxyz(wxyz)))
+    return Quaternion(*map(float, transforms.xyzw_from_wxyz(wxyz)))
 
 
 def transform_stamped(head: Header, child: str, parent_from_child: Array) -> TransformStamped:
     """Convert (4, 4), from ``child`` to the header's frame, to a TransformStamped."""
-    rotation = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
+    rotation = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
     return TransformStamped(head, child, Transform(vector(parent_from_child[:3, 3]), quaternion(rotation)))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fieldtruth.bench.bare import BareTracer, best_mode
 from fieldtruth.bench.recording import Stretches, seconds_of
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
@@ -37,7 +37,7 @@ from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4
-_STEP: Final = frames.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
+_STEP: Final = transforms.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
 """From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
 Group = list[Callable[[Array], object]]
 """Bare Embree or a sensor, called with its pose, and those that need its result."""
@@ -53,7 +53,7 @@ def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> l
         leg = int(np.searchsorted(travelled, at)) - 1
         xy = np.array([np.interp(at, travelled, corners[:, axis]) for axis in range(2)])
         yaw = float(np.arctan2(legs[leg, 1], legs[leg, 0]))
-        poses.append(frames.pose_from_quaternion_wxyz(*resting_pose(world.terrain.field, xy, yaw, rig)))
+        poses.append(transforms.pose_from_quaternion_wxyz(*resting_pose(world.terrain.field, xy, yaw, rig)))
     return poses
 
 

@@ -160,7 +160,7 @@ def _list(options: argparse.Namespace) -> None:
 
 def _preview(options: argparse.Namespace) -> None:
     from fieldtruth.core.outputs import output_path
-    from fieldtruth.report.image_file import IMAGE_ENDINGS, is_jpeg, write_image
+    from fieldtruth.report.drawing.images import IMAGE_ENDINGS, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 
     ENVIRONMENTS.find(options.environment)

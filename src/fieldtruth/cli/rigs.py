@@ -52,7 +52,7 @@ def _rig(options: argparse.Namespace) -> None:
 def _preview(options: argparse.Namespace) -> None:
     from fieldtruth.core.outputs import output_path
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.report.image_file import IMAGE_ENDINGS, write_image
+    from fieldtruth.report.drawing.images import IMAGE_ENDINGS, write_image
 
     experiment = load_experiment(options.experiment)
     path = f"{experiment.name}_rig.png" if options.out is None else options.out

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.experiment.fields import Mount

@@ -8,7 +8,7 @@ average); it takes 20 ms instead of 20 s.
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.physics import resting_pose
@@ -48,4 +48,4 @@ def poses_along(path: Array, spacing: float) -> Array:
 def pose_on_ground(field: Heightfield, pose: Array, rig: Rig) -> Array:
     """Return world_from_base (4, 4) of a robot at rest on the ground at x, y [m] with a heading [rad]."""
     x, y, heading = pose
-    return frames.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))
+    return transforms.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
-from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
+from fieldtruth.core.transforms import wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.physics import STEP_NS, STEP_S
 from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.track import Motion, Track

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import TrackError
 from fieldtruth.drive.track import Motion
@@ -44,7 +44,7 @@ def check_motion(world: World, motion: Motion, rig: Rig, file: str, start_ns: in
     """
     rows = np.append(np.arange(0, len(motion.stamps_ns) - 1, _STRIDE), len(motion.stamps_ns) - 1)
     stamps = (motion.stamps_ns[rows] + start_ns) / 1e9
-    world_from_base = frames.pose_from_quaternion_wxyz(motion.position[rows], motion.quaternion_wxyz[rows])
+    world_from_base = transforms.pose_from_quaternion_wxyz(motion.position[rows], motion.quaternion_wxyz[rows])
     half = np.array(world.size) / 2
     outside = (np.abs(world_from_base[:, :2, 3]) > half).any(axis=1)
     if outside.any():
@@ -90,12 +90,14 @@ def _solids(world: World, points: Array) -> Iterator[_Found]:
     plan = KDTree(points[:, :2])
     for instance in world.instances:
         for collider in world.meshes[instance.mesh].colliders:
-            world_from_solid = instance.world_from_object @ frames.pose(collider.position, (0.0, 0.0, collider.yaw_deg))
+            world_from_solid = instance.world_from_object @ transforms.pose(
+                collider.position, (0.0, 0.0, collider.yaw_deg)
+            )
             scale = float(np.cbrt(np.linalg.det(world_from_solid[:3, :3])))
             reach = scale * float(np.linalg.norm(collider.size))  # of a sphere around the middle of the base
             near = np.array(plan.query_ball_point(world_from_solid[:2, 3], reach, return_sorted=True), np.intp)
             if len(near):
-                in_solid = frames.transform(np.linalg.inv(world_from_solid).astype(np.float64), points[near])
+                in_solid = transforms.transform(np.linalg.inv(world_from_solid).astype(np.float64), points[near])
                 depth = _depth(collider, in_solid) * scale
                 yield _Found(near, depth, f"inside the object {instance.name!r}")
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose, transform
+from fieldtruth.core.transforms import pose, transform
 from fieldtruth.drive.bearing import HardSurface, hard_surfaces
 from fieldtruth.drive.robot import body_boxes
 from fieldtruth.experiment.rig import Rig

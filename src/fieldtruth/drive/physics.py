@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose, quaternion_wxyz_from_rotation
+from fieldtruth.core.transforms import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.robot import CHASSIS_BIT, OUTLINE_BIT, Support, add_robot, plane_geom, supports
 from fieldtruth.drive.tyre import DAMPING_RATIO

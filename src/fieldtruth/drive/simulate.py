@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.core.readings import Fix, Inertial
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.controller import (
     FollowerState,
     WaypointFollower,

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route

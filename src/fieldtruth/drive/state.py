@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Motion, Stamps
 
@@ -22,7 +22,7 @@ class State(NamedTuple):
     @property
     def world_from_base(self) -> Array:
         """Pose (4, 4) of base_link in the world."""
-        return frames.pose_from_quaternion_wxyz(self.position, self.quaternion_wxyz)
+        return transforms.pose_from_quaternion_wxyz(self.position, self.quaternion_wxyz)
 
 
 def state_at(motion: Motion, stamp_ns: int) -> State:
@@ -58,7 +58,7 @@ def poses_at(motion: Motion, stamps_ns: Stamps) -> Array:
     b = b * np.copysign(1.0, np.einsum("ni,ni->n", a, b))[:, None]
     mixed = (1.0 - share) * a + share * b
     position = (1.0 - share) * motion.position[before] + share * motion.position[after]
-    return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+    return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
 
 
 def _row(motion: Motion, k: int) -> State:

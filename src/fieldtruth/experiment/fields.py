@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 
 # Strict: strings and booleans are not numbers.
@@ -44,4 +44,4 @@ class Mount(Frozen):
     @property
     def base_from_sensor(self) -> Array:
         """(4, 4) transform from the mounted frame to base_link."""
-        return frames.pose(self.xyz, self.rpy_deg)
+        return transforms.pose(self.xyz, self.rpy_deg)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive, Range
@@ -106,10 +106,10 @@ class ScanningConfig(MountedConfig):
         return "azimuth_offsets_deg" if any(self.azimuth_offsets_deg or ()) else ""
 
 
-CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
+CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
 
-OPTICAL = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
+OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
 
 STREAMS: Final = {

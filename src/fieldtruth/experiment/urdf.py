@@ -10,7 +10,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import nearest_first
 from fieldtruth.experiment.fields import Mount
@@ -71,7 +71,7 @@ class Urdf:
             if joint.kind != "fixed":
                 which = f"joint {joint.name!r} of {self.path} is {shortened(joint.kind)}, not fixed"
                 raise LocatedError(f"{frame!r} moves against {_BASE}: {which}; give a mount instead", at)
-        return _mount(frames.inverse(_product(base)) @ _product(own))
+        return _mount(transforms.inverse(_product(base)) @ _product(own))
 
     def _nearest(self, name: str) -> list[str]:
         return [shortened(link).strip("'\"") for link in nearest_first(name, self.links)[:_NEAREST]]
@@ -88,7 +88,7 @@ class Urdf:
     def _joint(self, element: Element) -> _Joint:
         name, origin = element.get("name", ""), element.find("origin")
         xyz, rpy = (self._numbers(name, origin, key) for key in ("xyz", "rpy"))
-        pose = frames.pose(xyz, np.degrees(rpy).tolist())
+        pose = transforms.pose(xyz, np.degrees(rpy).tolist())
         return _Joint(name, element.get("type", ""), _attribute(element.find("parent"), "link"), pose)
 
     def _numbers(self, joint: str, origin: Element | None, key: str) -> list[float]:
@@ -132,7 +132,7 @@ def _mounted(urdf: Urdf, item: Any, at: tuple[str | int, ...]) -> Any:
     if "{side}" not in frame:
         return {**item, "mount": urdf.mount(frame, at)}
     left, right = (urdf.mount(frame.replace("{side}", side), at) for side in ("left", "right"))
-    left_from_right = frames.inverse(left.base_from_sensor) @ right.base_from_sensor
+    left_from_right = transforms.inverse(left.base_from_sensor) @ right.base_from_sensor
     x, y, z = left_from_right[:3, 3].tolist()
     if not np.allclose(left_from_right[:3, :3], np.eye(3), atol=_SAME) or max(abs(x), abs(z)) > _SAME or y >= 0:
         raise LocatedError(
@@ -156,7 +156,7 @@ def _product(chain: list[_Joint]) -> Array:
 
 
 def _mount(base_from_frame: Array) -> Mount:
-    angles = frames.rpy_deg_from_rotation(base_from_frame[:3, :3])
+    angles = transforms.rpy_deg_from_rotation(base_from_frame[:3, :3])
     xyz, rpy = (np.round(values, _DIGITS) + 0.0 for values in (base_from_frame[:3, 3], angles))
     return Mount(xyz=tuple(xyz.tolist()), rpy_deg=tuple(rpy.tolist()))
 

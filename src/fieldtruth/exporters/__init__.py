@@ -22,7 +22,7 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
-from fieldtruth.exporters.splits import Member, find_members
+from fieldtruth.exporters.frames import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.kernels.camera_rays import BLOCK, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, new_packet
@@ -91,12 +91,12 @@ class WholeObjects:
         object that is nowhere ``NEAR`` in front of the camera.
         """
         instance = self.objects[object_id]
-        optical_from_object = frames.inverse(world_from_optical) @ instance.world_from_object
-        points = frames.transform(optical_from_object, self._hull(instance, labels))
+        optical_from_object = transforms.inverse(world_from_optical) @ instance.world_from_object
+        points = transforms.transform(optical_from_object, self._hull(instance, labels))
         if points[:, 2].min() < NEAR:
             mesh = self.world.meshes[instance.mesh]
             faces = mesh.faces[faces_of(self.world, mesh, labels)]
-            points = _in_front(frames.transform(optical_from_object, mesh.vertices), faces)
+            points = _in_front(transforms.transform(optical_from_object, mesh.vertices), faces)
         if not len(points):
             return None
         lens = self._lens
@@ -124,7 +124,7 @@ class WholeObjects:
         """Columns and rows, from and to, outside which the object has no pixels."""
         width, height = self._config.width, self._config.height
         hull = self._hull(instance, labels)
-        points = frames.transform(frames.inverse(world_from_optical) @ instance.world_from_object, hull)
+        points = transforms.transform(transforms.inverse(world_from_optical) @ instance.world_from_object, hull)
         if not len(self._table):
             if points[:, 2].min() < NEAR:
                 return 0, 0, width, height

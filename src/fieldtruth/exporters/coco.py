@@ -7,11 +7,22 @@
 crowd.
 """
 
-from collections.abc import Mapping, Sequence
+import json
+import re
+import shutil
+import threading
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, TextIO
 
+import numpy as np
+from numpy.typing import NDArray
+from pycocotools import mask as coco_mask
+
+import fieldtruth
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.model_states import read_objects
@@ -19,16 +30,331 @@ from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import counted
 from fieldtruth.core.readings import Image
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.coco_boxes import CocoBoxes
-from fieldtruth.exporters.coco_json import Picture, coco_files
-from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
+from fieldtruth.exporters.amodal import WholeObjects, world_of_run
 from fieldtruth.exporters.frames import with_jpeg
+from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.world.boxes import named_objects, object_box
+
+_SUPERCATEGORIES: Final = {
+    Label.GROUND: "terrain",
+    Label.TRAIL: "terrain",
+    Label.ROCK: "terrain",
+    Label.TRUNK: "vegetation",
+    Label.TREETOP: "vegetation",
+    Label.BUSH: "vegetation",
+    Label.HIGH_GRASS: "vegetation",
+    Label.LAMP_POST: "structure",
+    Label.TRASH_BIN: "structure",
+    Label.TABLE: "structure",
+    Label.BENCH: "structure",
+    Label.POST: "structure",
+    Label.CABLE: "structure",
+    Label.WATER: "water",
+    Label.SKY: "sky",
+    Label.ROBOT: "robot",
+    Label.PARTICLE: "air",
+}
+STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS
+"""Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
+_BITS: Final = 24
+"""Bits of a segment id in a panoptic image."""
+_SINGLE: Final = re.compile(r"_\d+$")
+"""Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
+
+
+class Category(NamedTuple):
+    """A row of COCO's categories."""
+
+    id: int
+    name: str
+    supercategory: str
+    isthing: bool
+    color: tuple[int, int, int]
+
+    def row(self) -> dict[str, Any]:
+        """Return it as JSON."""
+        return self._asdict() | {"isthing": int(self.isthing)}
+
+
+class Segment(NamedTuple):
+    """All pixels with one id."""
+
+    id: int
+    area: int
+    """Pixels."""
+    bbox: list[int]
+    """x, y of the upper left pixel, width, height."""
+    counts: str
+    """Run lengths down the columns, in COCO's compressed encoding."""
+
+
+def categories_of(label_map: LabelMap | None) -> list[Category]:
+    """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped."""
+    ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
+    result: list[Category] = []
+    for number in sorted({int(ids[label]) for label in _SUPERCATEGORIES} - {int(ids[Label.VOID])}):
+        ours = [label for label in _SUPERCATEGORIES if ids[label] == number]
+        if label_map is None:
+            name, rgb = CLASSES[number].name, CLASSES[number].rgb or (0, 0, 0)
+        else:
+            name, rgb = label_map.classes[number]
+        above = {_SUPERCATEGORIES[label] for label in ours}
+        countable = STUFF.isdisjoint(ours)
+        result.append(Category(number, name, above.pop() if len(above) == 1 else name, countable, rgb))
+    return result
+
+
+def object_bits(names: Sequence[str]) -> int:
+    """Bits of a segment id that hold the object; the higher ones hold the category."""
+    return max(16, (len(names) - 1).bit_length())
+
+
+class Numbering:
+    """Segment ids: 65536 times the category, plus the instance id where the segment is a single object.
+
+    An id has the same meaning in all images of a run. 0 is void: pixels without a class, in some ontologies only. Ids
+    have 24 bits. With more than 65,536 objects the factor is a higher power of two, if the categories leave its bits.
+
+    Raises:
+        BagError: 24 bits do not hold categories and objects.
+    """
+
+    def __init__(self, categories: Sequence[Category], label_map: LabelMap | None, names: Sequence[str]) -> None:
+        ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids.astype(np.int64)
+        known = {category.id: category for category in categories}
+        countable = [int(number) in known and known[int(number)].isthing for number in ids]
+        bits = object_bits(names)
+        if (most := _BITS - max(known, default=0).bit_length()) < bits:
+            raise BagError(
+                f"COCO's panoptic images hold at most {1 << most} objects with these classes, got {len(names)}"
+            )
+        self._base = np.array([int(number) << bits if int(number) in known else 0 for number in ids], np.uint32)
+        self._mask = np.where(countable, (1 << bits) - 1, 0).astype(np.uint32)
+        single = [number if _SINGLE.search(name) else 0 for number, name in enumerate(names)]
+        self._single = np.array(single, np.uint32)
+
+    def number(self, label: NDArray[np.uint8], instance: NDArray[np.uint16] | NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return the segment id of each pixel (h, w).
+
+        Raises:
+            BagError: labels and instance ids differ in shape, or an instance id is that of no object.
+        """
+        if label.shape != instance.shape:
+            raise BagError(f"the tag image has {_size(label)} pixels, but the instance image {_size(instance)}")
+        if (largest := int(instance.max(initial=0))) >= len(self._single):
+            raise BagError(f"instance id {largest} must be below {len(self._single)}, the number of objects")
+        objects = np.take(self._mask, label) & np.take(self._single, instance)
+        numbers: NDArray[np.uint32] = np.take(self._base, label) | objects
+        return numbers
+
+
+def segments_of(ids: NDArray[np.uint32]) -> list[Segment]:
+    """Segments of an image (h, w) of segment ids, by ascending id; 0 is not a segment.
+
+    The run lengths of all segments are found in one pass. Encoding mask by mask takes five times as long.
+    """
+    flat = np.ascontiguousarray(ids.T).reshape(-1)
+    starts = np.append(0, np.flatnonzero(flat[1:] != flat[:-1]) + 1)
+    owners = flat[starts]
+    order = np.argsort(owners, kind="stable")
+    runs = np.stack([starts, np.append(starts[1:], flat.size)], axis=1)[order]
+    numbers, sizes = np.unique(owners, return_counts=True)
+    masks = [{"size": ids.shape, "counts": _counts(own, flat.size)} for own in np.split(runs, np.cumsum(sizes)[:-1])]
+    encoded = coco_mask.frPyObjects(masks, *ids.shape)
+    areas, boxes = coco_mask.area(encoded).tolist(), coco_mask.toBbox(encoded).astype(int).tolist()
+    rows = zip(numbers.tolist(), areas, boxes, encoded, strict=True)
+    return [Segment(number, area, box, rle["counts"].decode()) for number, area, box, rle in rows if number]
+
+
+def _counts(runs: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+    """Alternating lengths outside and inside of runs (n, 2) of start and end; nothing after a run at the end."""
+    counts = np.diff(runs.reshape(-1), prepend=0, append=size)
+    return counts if counts[-1] else counts[:-1]
+
+
+def _size(image: NDArray[Any]) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"
+
+
+_LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
+
+
+class Picture(NamedTuple):
+    """An exported image."""
+
+    stamp_ns: int
+    row: dict[str, Any]
+    """Its row in ``images``, without id and licence."""
+    panoptic: str
+    """File name of its panoptic PNG."""
+    segments: list[Segment]
+    boxes: Mapping[int, dict[str, Any]] = MappingProxyType({})
+    """Further keys of the annotations, by id of the segment."""
+
+
+class _Rows:
+    """A JSON array that grows in a text file."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._separator = "\n"
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Add an object."""
+        self._stream.write(self._separator + json.dumps(row, separators=(",", ":")))
+        self._separator = ",\n"
+
+
+class CocoFiles:
+    """The rows of ``panoptic.json`` and ``instances.json``, by image; a segment id has ``bits`` for the object."""
+
+    def __init__(
+        self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], bits: int, *, own: bool
+    ) -> None:
+        self._images, self._panoptic, self._instances = images, panoptic, instances
+        self._countable, self._bits = countable, bits
+        self._licence = {"license": _LICENCE["id"]} if own else {}
+        self.image_count = self._annotation_count = 0
+
+    def add(self, picture: Picture) -> None:
+        """Add an image and its segments; segments of countable classes become annotations, too."""
+        self.image_count += 1
+        self._images.add({"id": self.image_count} | picture.row | self._licence)
+        segments = []
+        size = [picture.row["height"], picture.row["width"]]
+        for segment in picture.segments:
+            category, object_id = divmod(segment.id, 1 << self._bits)
+            countable = category in self._countable
+            known = {
+                "category_id": category,
+                "area": segment.area,
+                "bbox": segment.bbox,
+                "iscrowd": int(countable and not object_id),
+                "object_id": object_id,
+            } | picture.boxes.get(segment.id, {})
+            segments.append({"id": segment.id} | known)
+            if countable:
+                self._annotation_count += 1
+                row = {"id": self._annotation_count, "image_id": self.image_count} | known
+                self._instances.add(row | {"segmentation": {"size": size, "counts": segment.counts}})
+        self._panoptic.add({"image_id": self.image_count, "file_name": picture.panoptic, "segments_info": segments})
+
+
+@contextmanager
+def coco_files(
+    run: Run,
+    folder: Path,
+    label_map: LabelMap | None,
+    categories: Sequence[Category],
+    names: Sequence[str],
+    about: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
+) -> Iterator[CocoFiles]:
+    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id.
+
+    ``about`` has further keys of objects by instance id.
+    """
+    rows = folder / "images.part"
+    head = _head(run, label_map)
+    objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
+    countable = [category for category in categories if category.isthing]
+    with ExitStack() as stack:
+        stack.callback(rows.unlink, missing_ok=True)
+        panoptic, instances = (
+            stack.enter_context(
+                _document(folder / name, head | {"categories": [c.row() for c in chosen], "objects": objects}, rows)
+            )
+            for name, chosen in (("panoptic.json", categories), ("instances.json", countable))
+        )
+        images = _Rows(stack.enter_context(rows.open("w", encoding="utf-8")))
+        yield CocoFiles(
+            images, panoptic, instances, {c.id for c in countable}, object_bits(names), own=run.experiment is not None
+        )
+
+
+@contextmanager
+def _document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[_Rows]:
+    """Write the keys of ``head``, the annotations that are added, and the images, whose rows are in a file."""
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write("{")
+        for key, value in head.items():
+            stream.write(f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n")
+        stream.write('"annotations":[')
+        yield _Rows(stream)
+        stream.write('\n],\n"images":[')
+        with images.open(encoding="utf-8") as rows:
+            shutil.copyfileobj(rows, stream)
+        stream.write("\n]}\n")
+
+
+def _head(run: Run, label_map: LabelMap | None) -> dict[str, Any]:
+    """``info`` and ``licenses`` of both files; the licence is known only for bags that fieldtruth generated."""
+    info: dict[str, Any] = {
+        "description": f"{run.name}: images with the true class and object of each pixel",
+        "version": fieldtruth.__version__,
+        "contributor": "fieldtruth",
+        "run": run.name,
+        "labels": "fieldtruth" if label_map is None else label_map.name,
+    }
+    if run.experiment is not None:
+        info |= {"environment": run.experiment.environment, "seed": run.experiment.seed}
+    return {"info": info, "licenses": [] if run.experiment is None else [_LICENCE]}
+
+
+class CocoBoxes:
+    """Boxes of the segments that are a single object, or its part of one class; may be used by several threads.
+
+    Raises:
+        BagError: the world of the run is not known.
+    """
+
+    def __init__(self, run: Run, label_map: LabelMap | None, names: Sequence[str]) -> None:
+        self._world, self._bits = world_of_run(run), object_bits(names)
+        self._configs = {view.label: view.config for view in run.of(Image, recorded=False)}
+        self._ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
+        self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
+        self._own = threading.local()
+
+    def objects(self) -> dict[int, dict[str, Any]]:
+        """Boxes in the world frame by instance id."""
+        return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
+
+    def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
+        """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
+        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
+        for segment in segments:
+            category, number = divmod(segment.id, 1 << self._bits)
+            if number not in self._boxes:
+                continue
+            labels = frozenset(int(label) for label in np.flatnonzero(self._ids == category))
+            alone = whole.silhouette(number, world_from_optical, labels)
+            keys: dict[str, Any] = {
+                "amodal_bbox": alone.bbox,
+                "amodal_area": alone.pixels,
+                "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
+            }
+            if self._configs[camera].lens.model == "pinhole":
+                bounds = whole.bounds(number, world_from_optical, labels)
+                if bounds is not None:  # from pixel centres to COCO's pixel borders
+                    left, top, right, bottom = (bounds + 0.5).tolist()
+                    keys["amodal_bbox_full"] = [left, top, right - left, bottom - top]
+            found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
+        return found
+
+    def _whole(self, camera: str) -> WholeObjects:
+        own = vars(self._own)
+        if camera not in own:
+            own[camera] = WholeObjects(self._world, self._configs[camera])
+        whole: WholeObjects = own[camera]
+        return whole
+
 
 _PARTS: Final = ("photo", "label", "instance")
 

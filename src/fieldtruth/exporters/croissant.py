@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import fieldtruth
 from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.exporters.huggingface_card import content_of, is_own, title_of
 from fieldtruth.exporters.parquet import Column
-from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.report.card import card_part
-from fieldtruth.report.setting import collection_of, conditions_of
+from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table

@@ -21,11 +21,10 @@ from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
-from fieldtruth.exporters.frames import LIDAR, Frame, Frames, cameras_of, require_frames
+from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, card_text
+from fieldtruth.exporters.image_files import encode_tiff
 from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
-from fieldtruth.exporters.splits import SPLITS, Member
-from fieldtruth.exporters.tiff import encode_tiff
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
 _CLASSES: Final = Column("classes", "classes", "the classes that occur")

@@ -11,10 +11,9 @@ import yaml
 
 import fieldtruth
 from fieldtruth.core.readings import Image
-from fieldtruth.exporters.splits import Member
+from fieldtruth.exporters.frames import Member
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.report.card import card_part
-from fieldtruth.report.setting import collection_of, conditions_of
+from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table

@@ -19,7 +19,7 @@ from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
@@ -166,12 +166,12 @@ def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, s
 def kitti_box(world: World, object_id: int, world_from_optical: Array, whole: WholeObjects) -> KittiBox:
     """Smallest box of an object that is upright in the optical frame and has the object's heading there."""
     instance = whole.objects[object_id]
-    optical_from_object = frames.inverse(world_from_optical) @ instance.world_from_object
+    optical_from_object = transforms.inverse(world_from_optical) @ instance.world_from_object
     ahead = optical_from_object[:3, 0]
     angle = -float(np.arctan2(ahead[2], ahead[0]))
     cos, sin = np.cos(angle), np.sin(angle)
     turned = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    points = frames.transform(optical_from_object, outermost(world.meshes[instance.mesh]))
+    points = transforms.transform(optical_from_object, outermost(world.meshes[instance.mesh]))
     box: OrientedBox = box_around(points, turned)
     length, height, width = box.size.tolist()
     return KittiBox(box.centre + np.array([0.0, height / 2, 0.0]), height, width, length, angle)

@@ -18,8 +18,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import Frames, cameras_of, require_frames
-from fieldtruth.exporters.splits import SPLITS, Member
+from fieldtruth.exporters.frames import SPLITS, Frames, Member, cameras_of, require_frames
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
 IGNORED: Final = 255

@@ -2,18 +2,112 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export the world of a run as a sparse grid of voxels with classes: one NPZ file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.bag.run import Run
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import world_of_run
-from fieldtruth.exporters.voxels import lattice_of, voxels_of
+from fieldtruth.kernels.counting import VoxelMeshes, mark_ground, mark_meshes
+from fieldtruth.sense.scene import grid_of, terrain_nodes
+from fieldtruth.world.model import Mesh, World
+
+_TILE: Final = 128  # voxels along x and y that are in memory at once
+
+
+class Voxels(NamedTuple):
+    """Occupied voxels: a row for each class of each, sorted by x, y, z and class."""
+
+    coords: NDArray[np.uint16]
+    """(n, 3) numbers of the voxel along x, y and z."""
+    label: NDArray[np.uint8]
+    """(n,) class ids."""
+
+
+class Lattice(NamedTuple):
+    """A grid of cubes in the world frame."""
+
+    origin: Array
+    """(3,) [m], the lower corner of the first one."""
+    voxel_m: float
+    shape: tuple[int, int, int]
+
+
+def lattice_of(world: World, voxel_m: float) -> Lattice:
+    """Return the grid over the area of a world, as high as its ground and objects."""
+    meshes = _meshes_of(world)
+    heights = world.terrain.surface.heights
+    low, high = float(heights.min()), float(heights.max())
+    if len(meshes.mesh):
+        low, high = min(low, float(meshes.low[:, 2].min())), max(high, float(meshes.high[:, 2].max()))
+    bottom = np.floor(low / voxel_m) * voxel_m
+    origin = np.array([-world.size[0] / 2, -world.size[1] / 2, bottom])
+    nx, ny = (int(np.ceil(side / voxel_m - 1e-9)) for side in world.size)
+    return Lattice(origin, voxel_m, (nx, ny, int(np.floor((high - bottom) / voxel_m)) + 1))
+
+
+def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
+    """Yield the voxels of the columns along x in turn, with the share of the world that is done."""
+    meshes, nodes = _meshes_of(world), terrain_nodes(world.terrain.surface)
+    trail, (nx, ny, nz) = grid_of(world.terrain.trail_distance), lattice.shape
+    for x in range(0, nx, _TILE):
+        found: list[NDArray[np.int64]] = []
+        for y in range(0, ny, _TILE):
+            size = min(_TILE, nx - x), min(_TILE, ny - y)
+            start = lattice.origin + lattice.voxel_m * np.array([x, y, 0.0])
+            end = start[:2] + lattice.voxel_m * np.array(size)
+            near = (meshes.low[:, :2] < end).all(axis=1) & (meshes.high[:, :2] >= start[:2]).all(axis=1)
+            grid = np.zeros((*size, nz), np.uint32)
+            if world.terrain.visible:
+                mark_ground(nodes, trail, start, lattice.voxel_m, grid)
+            mark_meshes(meshes, np.flatnonzero(near), start, lattice.voxel_m, grid)
+            cells = np.flatnonzero(grid)
+            for label in Label:
+                own = cells[grid.reshape(-1)[cells] & np.uint32(1 << int(label)) != 0]
+                i, j, k = np.unravel_index(own, grid.shape)
+                found.append((((i + x) * ny + j + y) * nz + k) * len(Label) + int(label))
+        cell, label_ids = np.divmod(np.sort(np.concatenate(found)), len(Label))
+        coords = np.stack(np.unravel_index(cell, lattice.shape), axis=-1).astype(np.uint16)
+        yield min(1.0, (x + _TILE) / nx), Voxels(coords, label_ids.astype(np.uint8))
+
+
+def _meshes_of(world: World) -> VoxelMeshes:
+    meshes: list[Mesh] = list(world.meshes.values())
+    rows = {mesh.name: row for row, mesh in enumerate(meshes)}
+    labels = {name: int(material.label) for name, material in world.materials.items()}
+    mesh = [np.array([rows[each.mesh] for each in world.instances], np.int64)]
+    pose = [np.array([each.world_from_object for each in world.instances]).reshape(-1, 4, 4)]
+    for swarm in world.swarms:
+        mesh.append(np.array([rows[name] for name in swarm.meshes], np.int64)[swarm.mesh])
+        pose.append(swarm.world_from_object)
+    starts = np.cumsum([0, *(len(each.vertices) for each in meshes)])
+    bits = [np.array([1 << labels[n] for n in each.materials], np.uint32)[each.material] for each in meshes]
+    all_mesh, all_pose = np.concatenate(mesh), np.concatenate(pose)
+    boxes = [(each.vertices.min(axis=0), each.vertices.max(axis=0)) for each in meshes]
+    corners = np.array([[[a[0], b[1], c[2]] for a in box for b in box for c in box] for box in boxes], np.float64)
+    turned = np.zeros((0, 8, 3))
+    if len(all_mesh):
+        turned = np.einsum("nij,nkj->nki", all_pose[:, :3, :3], corners[all_mesh]) + all_pose[:, None, :3, 3]
+    return VoxelMeshes(
+        vertices=np.concatenate([*(each.vertices for each in meshes), np.zeros((0, 3), np.float32)]),
+        faces=np.concatenate(
+            [*(each.faces + start for each, start in zip(meshes, starts, strict=False)), np.zeros((0, 3), np.int64)]
+        ).astype(np.int64),
+        bits=np.concatenate([*bits, np.zeros(0, np.uint32)]),
+        ends=np.cumsum([0, *(len(each.faces) for each in meshes)]).astype(np.int64),
+        mesh=all_mesh,
+        pose=np.ascontiguousarray(all_pose),
+        low=turned.min(axis=1, initial=np.inf),
+        high=turned.max(axis=1, initial=-np.inf),
+    )
+
 
 LEAST_M: Final = 0.01
 MOST_M: Final = 10.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.run import Run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
@@ -100,7 +100,7 @@ def _header(rows: NDArray[np.void], world_from_lidar: Array) -> bytes:
     names = rows.dtype.names or ()
     kinds = [rows.dtype[name] for name in names]
     types = ["F" if name == "rgb" else _TYPES[kind.base.kind] for name, kind in zip(names, kinds, strict=True)]
-    quaternion = frames.quaternion_wxyz_from_rotation(world_from_lidar[:3, :3])
+    quaternion = transforms.quaternion_wxyz_from_rotation(world_from_lidar[:3, :3])
     viewpoint = np.round([*world_from_lidar[:3, 3], *quaternion], 12) + 0.0
     lines = {
         "VERSION": ["0.7"],

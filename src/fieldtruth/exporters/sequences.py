@@ -23,7 +23,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.streams import nearest
 from fieldtruth.bag.trajectory import seconds
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.readings import Cloud, Image
 
@@ -34,7 +34,7 @@ WINDOW_NS: Final = 500_000_000
 """Largest difference [ns] of the stamps of a cloud and its photographs."""
 _EXACT_SHARE: Final = 0.1
 """Pairing is exact if at least this share of the clouds has photographs of its own stamp."""
-OPTICAL: Final = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
+OPTICAL: Final = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """The LiDAR's frame from an optical frame that looks along its x."""
 
 
@@ -49,7 +49,7 @@ class Geometry(NamedTuple):
     @property
     def cam0_from_lidar(self) -> Array:
         """(4, 4), KITTI's Tr."""
-        return frames.inverse(self.base_from_cam0) @ self.base_from_lidar
+        return transforms.inverse(self.base_from_cam0) @ self.base_from_lidar
 
 
 def first_lidar(run: Run) -> Source:
@@ -179,7 +179,7 @@ def calib_text(geometry: Geometry) -> str:
 
 def poses_text(world_from_cam0: Array) -> str:
     """Poses (n, 4, 4) relative to the first, one row of 3 x 4 numbers each."""
-    first_from_cam0 = frames.inverse(world_from_cam0[0]) @ world_from_cam0
+    first_from_cam0 = transforms.inverse(world_from_cam0[0]) @ world_from_cam0
     return "".join(f"{_row(pose)}\n" for pose in first_from_cam0)
 
 

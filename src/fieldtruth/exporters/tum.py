@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, seconds
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters import Options
 
@@ -27,9 +27,9 @@ def tum_text(trajectory: Trajectory, base_from_sensor: Array | None = None) -> s
     """Lines of the poses of base_link or, with its mount (4, 4), of a sensor."""
     position, quaternion = trajectory.position, trajectory.quaternion_wxyz
     if base_from_sensor is not None:
-        world_from_sensor = frames.pose_from_quaternion_wxyz(position, quaternion) @ base_from_sensor
+        world_from_sensor = transforms.pose_from_quaternion_wxyz(position, quaternion) @ base_from_sensor
         position = world_from_sensor[:, :3, 3]
-        quaternion = frames.quaternion_wxyz_from_rotation(world_from_sensor[:, :3, :3])
+        quaternion = transforms.quaternion_wxyz_from_rotation(world_from_sensor[:, :3, :3])
     frame = "base_link" if base_from_sensor is None else "the sensor"
     lines = [f"# true poses of {frame} in the world: x north, y west, z up\n# t[s] x[m] y[m] z[m] qx qy qz qw\n"]
     for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(trajectory.stamps_ns, position, quaternion, strict=True):

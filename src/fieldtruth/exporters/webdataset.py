@@ -28,8 +28,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, Frames, cameras_of, count_common, require_frames
-from fieldtruth.exporters.splits import SPLITS, Member
+from fieldtruth.exporters.frames import LIDAR, SPLITS, Frames, Member, cameras_of, count_common, require_frames
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
 

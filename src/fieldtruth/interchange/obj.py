@@ -18,11 +18,16 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
 from fieldtruth.interchange import check_scene_memory
-from fieldtruth.interchange.ground import GroundTile, ground_tiles
-from fieldtruth.interchange.ground_image import ground_images
-from fieldtruth.interchange.images import encode_image, material_image
-from fieldtruth.interchange.surfaces import Surface, mesh_surfaces, placed
-from fieldtruth.interchange.swarms import merged_swarms, tiles_of_swarms
+from fieldtruth.interchange.ground import GroundTile, ground_images, ground_tiles
+from fieldtruth.interchange.surfaces import (
+    Surface,
+    encode_image,
+    material_image,
+    merged_swarms,
+    mesh_surfaces,
+    placed,
+    tiles_of_swarms,
+)
 from fieldtruth.world.model import World
 
 OBJECTS: Final = "objects.json"

@@ -4,13 +4,17 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.classes import Label
-from fieldtruth.world.model import Material, Mesh
+from fieldtruth.core.png import encode_png
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
+from fieldtruth.world.model import Material, Mesh, Swarm, World
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,3 +94,107 @@ def placed(surface: Surface, poses: NDArray[np.float64], tints: NDArray[np.float
         faces=(surface.faces + offsets).reshape(-1, 3),
         tint=None if tints is None else np.repeat(tints, size, axis=0),
     )
+
+
+BEYOND_TILE: Final = 8
+"""Side of a tile of members beyond the edge, in sides of a tile inside, because they are few and far."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmTile:
+    """Members of one swarm on one tile."""
+
+    name: str
+    swarm: Swarm
+    members: NDArray[np.intp]
+    """Rows of the swarm's arrays."""
+    beyond: bool
+    """Whether the members are beyond the world's edge."""
+
+    def face_count(self, world: World) -> int:
+        """Number of the members' triangles."""
+        faces = np.array([len(world.meshes[name].faces) for name in self.swarm.meshes])
+        return int(faces[self.swarm.mesh[self.members]].sum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergedTile(SwarmTile):
+    """Members of one swarm on one tile as a surface per material, in world coordinates."""
+
+    surfaces: tuple[Surface, ...]
+
+
+def beyond_edge(world: World, swarm: Swarm) -> NDArray[np.bool_]:
+    """Whether the origin of each member (n,) is beyond the world's edge."""
+    return np.asarray((np.abs(swarm.world_from_object[:, :2, 3]) > np.array(world.size) / 2).any(axis=1))
+
+
+def merged_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[MergedTile]:
+    """Merge the members of each swarm tile by tile; with ``beyond`` also those beyond the world's edge.
+
+    Tiles are those of ``tiles_of_swarms``; one tile is in memory at a time.
+    """
+    for tile in tiles_of_swarms(world, size_m, beyond=beyond):
+        yield MergedTile(**vars(tile), surfaces=_merged(world, tile.swarm, tile.members))
+
+
+def tiles_of_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[SwarmTile]:
+    """Group the members of each swarm by tile; with ``beyond`` also those beyond the world's edge.
+
+    A member belongs to the tile that its origin is on. Tiles start in the world's corner and have a side of ``size_m``
+    [m]; beyond the edge they are ``BEYOND_TILE`` times as large.
+    """
+    for swarm in world.swarms:
+        outside = beyond_edge(world, swarm)
+        yield from _tiles(world, swarm, np.flatnonzero(~outside), size_m, beyond=False)
+        if beyond:
+            yield from _tiles(world, swarm, np.flatnonzero(outside), size_m * BEYOND_TILE, beyond=True)
+
+
+def _tiles(world: World, swarm: Swarm, members: NDArray[np.intp], side: float, *, beyond: bool) -> Iterator[SwarmTile]:
+    tile = np.floor((swarm.world_from_object[members, :2, 3] + np.array(world.size) / 2) / side).astype(int)
+    for i, j in np.unique(tile, axis=0).tolist():
+        rows = members[(tile == (i, j)).all(axis=1)]
+        name = f"{swarm.name}_beyond_{i}_{j}" if beyond else f"{swarm.name}_{i}_{j}"
+        yield SwarmTile(name=name, swarm=swarm, members=rows, beyond=beyond)
+
+
+def _merged(world: World, swarm: Swarm, members: NDArray[np.intp]) -> tuple[Surface, ...]:
+    parts: dict[str, list[Surface]] = {}
+    for row, mesh in enumerate(swarm.meshes):
+        of_mesh = members[swarm.mesh[members] == row]
+        if len(of_mesh):
+            for surface in mesh_surfaces(world.meshes[mesh], world.materials):
+                copies = placed(surface, swarm.world_from_object[of_mesh], swarm.tint[of_mesh])
+                parts.setdefault(surface.material, []).append(copies)
+    return tuple(merge_surfaces(found) for found in parts.values())
+
+
+JPEG_QUALITY: Final = 90
+"""Textures of 512 x 512 texels: 60 to 130 kB, a quarter of their PNG."""
+
+
+def material_image(world: World, material: str) -> NDArray[np.uint8]:
+    """Image (n, n, 3) sRGB of a material: its texture times its tint in linear light, at most white."""
+    found = world.materials[material]
+    return tinted(world.textures[found.texture], found.tint)
+
+
+def tinted(texture: NDArray[np.uint8], tint: Sequence[float]) -> NDArray[np.uint8]:
+    """Multiply the colours (n, n, 3) sRGB of an image by a linear tint (3,); the result is at most white."""
+    linear = linear_from_srgb(np.arange(256) / 255.0)[:, None] * np.array(tint)
+    table = np.rint(srgb_from_linear(linear) * 255.0).astype(np.uint8)
+    return np.stack([table[texture[..., k], k] for k in range(3)], axis=-1)
+
+
+def encode_image(image: NDArray[np.uint8], *, jpeg: bool = True) -> bytes:
+    """Encode an image (h, w, 3) sRGB as JPEG, or as PNG."""
+    if not jpeg:
+        return encode_png(image)
+    data: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=JPEG_QUALITY, colorsubsampling="420")
+    return data
+
+
+def roughness(material: Material) -> float:
+    """Roughness of a material, 0 (mirror) to 1 (matt), as glTF and USD define it."""
+    return 0.05 if material.mirror > 0 else 1.0 - 0.7 * material.gloss

@@ -268,7 +268,7 @@ def _mean_texel(
 def _far_factors(
     seen: Float32Array, row: np.uintp, view: Vector, far: np.float32, sun_x: np.float32, sun_y: np.float32
 ) -> tuple[np.float32, np.float32]:
-    """Factors on colour and sunlight of relief that is too far away for its heights, see `render.relief`."""
+    """Factors on colour and sunlight of relief that is too far away for its heights, see `render.materials`."""
     one = np.float32(1.0)
     a, b, c, d, e = view_terms(view[0], view[1], view[2], sun_x, sun_y)
     bright = seen[row, 0, 0] * a + seen[row, 0, 1] * b + seen[row, 0, 2] * c + seen[row, 0, 3] * d + seen[row, 0, 4] * e

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables that shading reads, made once per scene, and the light that reaches a point: of sun, sky and air.
 
-``render.volume`` says what the coefficients of the light volume are and fills it. Air scatters light out of a ray, and
+``render.light`` says what the coefficients of the light volume are and fills it. Air scatters light out of a ray, and
 its own light into it: along a path of optical depth tau the radiance L becomes L exp(-tau) + A (1 - exp(-tau))
 (Koschmieder 1924); ``render.air`` says what A is.
 """
@@ -140,7 +140,7 @@ class LightTable(NamedTuple):
     ground_near: Grid  # share of directions above the ground in which nothing is near, weighted by the cosine
     vertex_near: Float32Array  # (v,) the same for every vertex of every mesh on its own
     leaf_sun: NDArray[np.uint8]  # one per face of each instance with leaves: 1 where a leaf sees the sun
-    volume: Float32Array  # (nx, ny, nz, 16) probes of the light in the air, see ``render.volume``
+    volume: Float32Array  # (nx, ny, nz, 16) probes of the light in the air, see ``render.light``
     volume_base: Float32Array  # (nx, ny) height [m] of the ground, from which probes are AIR_BASE + k AIR_LAYER apart
     volume_corner: tuple[float, float]  # [m] x and y of the first probe
     volume_per_metre: float
@@ -171,7 +171,7 @@ class MaterialTable(NamedTuple):
     age: Float32Array  # (materials, 3) furrows [m], weathering and patches, see `Material`
     relief: Float32Array  # (materials,) [m] height of the texture's relief
     patch: Float32Array  # (materials,) [m] side of patches of the ground that show different parts of the texture
-    seen: Float32Array  # (materials, 2, TERMS) see render.relief: brightness of distant relief by direction
+    seen: Float32Array  # (materials, 2, TERMS) see render.materials: brightness of distant relief by direction
     land: Mask  # (materials,) whether it is ground, which beyond the edge continues the world's
     steep: IntArray  # (materials,) row of the atlas for steep land; -1: none
     wetness: float  # 0 to 1

@@ -5,6 +5,7 @@
 A moving camera has a pose of its own for each strip of STRIP rows, and for each of the sub-frames that are averaged.
 """
 
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -562,3 +563,27 @@ def render_points(shading: Shading, buffers: ShadingBuffers, view: View, count: 
     """Compute ``buffers.colour`` of the first ``count`` image points of the batch, each ``pixel`` [rad] wide."""
     trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, count)
     shade_batch(shading, buffers, count, pixel)
+
+
+_ORDERS: Final = 200
+
+
+def strips_of(height: int) -> int:
+    """Number of strips of an image."""
+    return -(-height // STRIP)
+
+
+@cache
+def offsets_of(count: int) -> Array:
+    """Points (n, 2) [pixel] of a pixel around its centre: one in each row and column of n x n (Latin hypercube).
+
+    They are in the order that least correlates with time: if they drifted over the exposure, the blur would change.
+    """
+    rng, time, best = np.random.default_rng(count), np.arange(count), np.zeros((3, count))
+    least = np.inf
+    for _ in range(_ORDERS if count > 1 else 0):
+        found = np.stack([time, rng.permutation(count), rng.permutation(count)])
+        drift = float(np.abs(np.corrcoef(found)[np.triu_indices(3, 1)]).sum())
+        if drift < least:
+            best, least = found, drift
+    return np.ascontiguousarray(((best[1:] + 0.5) / count - 0.5).T)

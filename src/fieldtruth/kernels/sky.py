@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of the dome's image: clear air, clouds and layers; see ``render.sky.dome``."""
+"""Rows of the dome's image: clear air, clouds and layers; see ``render.daylight``."""
 
 from typing import Final
 

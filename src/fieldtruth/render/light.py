@@ -5,6 +5,20 @@
 World and sun are static. How much of the sun each patch of ground and each leaf sees, what is near them, and what light
 sky and surroundings send through the air, is therefore traced in advance and costs nothing per frame. Only objects' own
 shadows are traced per pixel, because they need more detail than a table can hold.
+
+The sun's map has how far towards the sun the first surface lies, on a grid across its rays. What lies deeper than the
+map says is in shade (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978). The mean of that over a
+small area is the soft border of a shadow (Reeves, Salesin and Cook, SIGGRAPH 1987). Shadows of the sun from h metres
+away are 0.0093 h wide at their border, so that those of crowns have none that is sharp.
+
+The light volume has what sky, sunlit ground and leaves send through the air, as probes on a grid. Each probe keeps, by
+channel, coefficients of the irradiance E on a surface with the unit normal n, over pi:
+E(n) / pi = c0 + c1 . n + c2 max(nz, 0)^2, with c0 the mean radiance over all directions and c1 twice the mean of
+radiance times direction (Ramamoorthi and Hanrahan 2001, the first two bands). For light from a half space, as over a
+plane below an even sky, these are exact; below the CIE's overcast sky they give a level surface 7 % too little. So c2
+is what a level surface receives in addition: exact for all that faces up. A leaf reads both of its sides with one
+lookup, with n and with -n. Probes are filled by shading what their rays hit as a photograph does, several times: each
+time adds a reflection, of light that the volume of the time before brings.
 """
 
 from collections import Counter
@@ -20,18 +34,26 @@ from scipy.ndimage import convolve1d, gaussian_filter, maximum_filter
 from fieldtruth.core.arrays import Array, Counts, Float32Array, Index, Mask
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.kernels.light import AIR_TEXEL, NO_SHADOW, SHADOW_RANGE, AirTable, LightTable, MaterialTable, Shading
-from fieldtruth.kernels.light_probes import NEAR
-from fieldtruth.kernels.packets import Grid
+from fieldtruth.kernels.baking import NEAR, PROBES, UP, fill_visibility, gather_probes, trace_sun_row
+from fieldtruth.kernels.light import (
+    AIR_BASE,
+    AIR_LAYER,
+    AIR_TEXEL,
+    NO_SHADOW,
+    SHADOW_RANGE,
+    TEXEL,
+    LightTable,
+    MaterialTable,
+    Shading,
+    SunMap,
+)
+from fieldtruth.kernels.packets import Grid, new_packet
+from fieldtruth.kernels.shading import new_shading_buffers
+from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
+from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sun_direction
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.sky import dome
-from fieldtruth.render.sky.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, sun_direction
-from fieldtruth.render.sun_map import make_sun_map
-from fieldtruth.render.surfaces import snow_table, surface_table
-from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
-from fieldtruth.render.volume import COEFFICIENTS, LAYERS, fill_volume, sphere
-from fieldtruth.render.wire_table import wire_table
+from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.grids import coarseness
 from fieldtruth.world.model import Heightfield, Mesh, Raster
@@ -39,10 +61,19 @@ from fieldtruth.world.model import Heightfield, Mesh, Raster
 SUN_TEXEL: Final = 0.05  # [m]
 _NEAR_GROUND: Final = 0.8
 """[m] within which what stands on the ground, or belongs to the same object, shades a surface by a share of its own;
-the light volume brings what is farther. Of leaves it is ``volume.NEAR``."""
-
-_PARITIES: Final = ((0, 0), (1, 1), (0, 1), (1, 0))
+the light volume brings what is farther. Of leaves it is ``NEAR``."""
+MARGIN: Final = 10.0
+"""[m] beyond the world's edge up to which the sun's map reaches."""
+NOTHING: Final = np.float32(-1e9)
+"""Depth where the sun meets no surface."""
+LAYERS: Final = 14
+COEFFICIENTS: Final = 16
+"""Floats per probe, one cache line: 4 of each channel (c0, then c1 along x, y, z), c2 of each channel, 1 unused."""
+RAYS: Final = (16, 16, 48)
+"""Directions from each probe, for each reflection: light of the first ones is gathered again."""
 _BLUR: Final = (0.25, 0.5, 0.25)
+_SETS: Final = 4
+_PARITIES: Final = ((0, 0), (1, 1), (0, 1), (1, 0))
 _RELIEF: Final = 0.1  # [m]; bumps that are farther apart are the ground's shape and cast shadows
 _ROWS_AT_ONCE: Final = 50  # an even number
 _LEAVES_AT_ONCE: Final = 50_000
@@ -67,7 +98,8 @@ def bake_light(
     with ThreadPoolExecutor(workers) as pool:
         spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
         x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)
-        day = metered_daylight(light.values, size, np.random.default_rng([scene.world.seed, 7]), pool, dome.SIZE)
+        rng = np.random.default_rng([scene.world.seed, 7])
+        day = metered_daylight(light.values, size, rng, pool, daylight.DOME_TEXELS)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
         table = LightTable(
             sun=sun,
@@ -91,26 +123,54 @@ def bake_light(
         heights = scene.world.terrain.surface.heights
         air, materials = air_of(weather, table, heights), materials or material_table(scene.world, sun)
         lit = light_in(air, table, float(heights.mean()))
-        volume = fill_volume(_unfilled(scene, lit, materials, air), lit.dome.mean - table.dome.mean, pool)
+        volume = fill_volume(shading_of(scene, lit, materials, air), lit.dome.mean - table.dome.mean, pool)
         return table._replace(volume=volume)
 
 
-def _unfilled(scene: Scene, table: LightTable, materials: MaterialTable, air: AirTable) -> Shading:
-    """What probes need to see the scene."""
-    snow = snow_table(scene.world.terrain)
-    return Shading(
-        scene=scene.rays.handle,
-        hits=scene.hits,
-        surfaces=surface_table(scene, table.vertex_near),
-        materials=materials,
-        light=table,
-        wires=wire_table(scene, materials),
-        has_water=False,
-        exposure=np.float32(1.0),
-        air=air,
-        snow=snow,
-        has_snow=bool(snow.on_top > 0),
-    )
+def visibility(
+    scene: np.uint64,
+    points: Float32Array,
+    normals: Float32Array | None,
+    directions: Array,
+    near: float,
+    reach: float = SHADOW_RANGE,
+) -> Float32Array:
+    """Share (n,) of ``directions`` (k, 3) that are unobstructed at each point (n, 3).
+
+    Directions are weighted by the cosine to the point's normal, or equally without ``normals`` or for a normal of
+    length 0. Where no direction has a positive weight, the share is 0.5. Occluders within ``near`` and beyond ``reach``
+    [m] are ignored.
+    """
+    result = np.empty(len(points), np.float32)
+    normals = np.zeros_like(points) if normals is None else normals
+    fill_visibility(scene, new_packet(coherent=True), points, normals, directions, near, reach, result)
+    return result
+
+
+def sun_disc(sun: Array, radius_deg: float, count: int) -> Array:
+    """Directions (count, 3) spread evenly over a disc about the unit vector ``sun``."""
+    k = np.arange(count) + 0.5
+    radius, angle = np.radians(radius_deg) * np.sqrt(k / count), k * np.pi * (3.0 - np.sqrt(5.0))
+    side = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.99 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    rays = sun + np.outer(radius * np.cos(angle), side) + np.outer(radius * np.sin(angle), np.cross(sun, side))
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def hemisphere(count: int) -> Array:
+    """Directions (count, 3) spread evenly over the upper half (spherical Fibonacci)."""
+    k = np.arange(count) + 0.5
+    z, angle = k / count, k * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+
+
+def sphere(count: int, turn: float) -> Array:
+    """Directions (count, 3) spread evenly over the sphere (spherical Fibonacci), turned about z by ``turn`` [rad]."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0)) + turn
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
 
 
 def _ground_grid(
@@ -166,7 +226,7 @@ def _above_relief(field: Heightfield) -> Heightfield:
 
 
 def _thin_faces(scene: Scene, mesh: Mesh) -> Mask:
-    """Which faces (f,) light shines through: leaves."""
+    """Find the faces (f,) that light shines through: leaves."""
     thin = np.array([scene.world.materials[name].translucency > 0 for name in mesh.materials])
     return np.asarray(thin[mesh.material])
 
@@ -207,7 +267,7 @@ class _Leaves(NamedTuple):
 
 
 def _leaf_sun(scene: Scene, pool: ThreadPoolExecutor, sun: Array) -> tuple[NDArray[np.uint8], Counts]:
-    """Whether each leaf of each instance sees the sun from just above its centre, with all occluders.
+    """Find for each leaf of each instance if it sees the sun from just above its centre, with all occluders.
 
     Returns:
         0 or 1 for each face of each instance with leaves, and for each top-level geometry its first row.
@@ -266,3 +326,88 @@ def _jobs(leaves: list[_Leaves]) -> Iterator[list[_Leaves]]:
             job, rays = [], 0
     if job:
         yield job
+
+
+def make_sun_map(scene: Scene, sun: Array, pool: ThreadPoolExecutor) -> SunMap:
+    """Trace a map from the sun in the direction of the unit vector ``sun``."""
+    if sun[2] <= 0.0:
+        return SunMap(np.zeros((0, 0), np.float32), np.zeros((3, 3), np.float32), (0.0, 0.0), 1.0)
+    corners, texel = _corners(scene), TEXEL * coarseness(scene.world.size)
+    axes = _axes(sun, corners)
+    low, high = (corners @ axes.T).min(axis=0), (corners @ axes.T).max(axis=0)
+    u, v = (np.arange(low[k], high[k] + texel, texel) for k in range(2))
+    depth = np.empty((len(u), len(v)), np.float32)
+
+    def trace_row(i: int) -> None:
+        start = u[i] * axes[0] + low[1] * axes[1] + (high[2] + 1.0) * axes[2]
+        trace_sun_row(scene.rays.handle, new_packet(coherent=True), start, texel * axes[1], -axes[2], depth[i])
+
+    list(pool.map(trace_row, range(len(u))))
+    depth = np.where(np.isfinite(depth), np.float32(high[2] + 1.0) - depth, NOTHING)
+    return SunMap(depth, axes.astype(np.float32), (float(low[0]), float(low[1])), 1.0 / texel)
+
+
+def _corners(scene: Scene) -> Array:
+    """Corners (8, 3) of a box around the world with its margin."""
+    heights, highest = scene.world.terrain.surface.heights, []
+    for mesh, pose, *_ in scene.tops:
+        if mesh is not None and mesh is not scene.world.backdrop:
+            highest.append(pose[2, 3] + np.abs(mesh.vertices @ pose[2, :3]).max())
+    x, y = (side / 2.0 + MARGIN for side in scene.world.size)
+    top = max([float(heights.max()), *highest])
+    return np.array([(a, b, c) for a in (-x, x) for b in (-y, y) for c in (float(heights.min()), top)])
+
+
+def _axes(sun: Array, corners: Array) -> Array:
+    """Axes (3, 3) of the map, turned about the sun's direction so that its rectangle is the smallest."""
+    side = np.cross([0.0, 0.0, 1.0] if sun[2] < 0.99 else [0.0, 1.0, 0.0], sun)
+    side /= np.linalg.norm(side)
+    other, best, least = np.cross(sun, side), np.eye(3), np.inf
+    for turn in np.radians(np.arange(90)):
+        u, v = np.cos(turn) * side + np.sin(turn) * other, np.cos(turn) * other - np.sin(turn) * side
+        area = np.ptp(corners @ u) * np.ptp(corners @ v)
+        if area < least:
+            best, least = np.stack([u, v, sun]), area
+    return best
+
+
+def fill_volume(shading: Shading, veil: Float32Array, pool: ThreadPoolExecutor) -> Float32Array:
+    """Fill the probes (nx, ny, LAYERS, COEFFICIENTS) of ``shading.light``, whose volume gives their number.
+
+    ``veil`` (3,) is radiance of the air that comes from the whole sky in addition to that of the dome.
+    """
+    shading = shading._replace(light=shading.light._replace(dome=soft_dome(shading.light.dome)))  # rays are few
+    for rays in RAYS:
+        volume = _gathered(shading, veil, rays, pool)
+        shading = shading._replace(light=shading.light._replace(volume=volume))
+    return shading.light.volume
+
+
+def _gathered(shading: Shading, veil: Float32Array, rays: int, pool: ThreadPoolExecutor) -> Float32Array:
+    """Gather over all probes in ``rays`` directions, then blur; probes inside of solid objects have no weight."""
+    light = shading.light
+    nx, ny, nz, _ = light.volume.shape
+    volume, inside = np.zeros_like(light.volume), np.zeros((nx, ny, nz), np.float32)
+    x, y = (
+        start + np.arange(n) / light.volume_per_metre for start, n in zip(light.volume_corner, (nx, ny), strict=True)
+    )
+    above = AIR_BASE + AIR_LAYER * np.arange(nz)
+    sets = [sphere(rays, 2.0 * np.pi * k * 0.381966).astype(np.float32) for k in range(_SETS)]
+
+    def column_row(i: int) -> None:
+        buffers = new_shading_buffers(PROBES * rays)
+        for parity in range(_SETS):
+            j, k = np.nonzero((np.arange(ny)[:, None] + 2 * i + np.arange(nz)) % _SETS == parity)
+            points = np.stack([np.full(len(j), x[i]), y[j], light.volume_base[i, j] + above[k]], axis=-1)
+            found, behind = np.zeros((len(j), COEFFICIENTS), np.float32), np.zeros(len(j), np.float32)
+            heights = above[k].astype(np.float32)
+            gather_probes(shading, buffers, points.astype(np.float32), heights, sets[parity], veil, found, behind)
+            found[:, UP : UP + 3] -= found[:, 0:UP:4] + found[:, 3:UP:4]
+            volume[i, j, k], inside[i, j, k] = found, behind
+
+    list(pool.map(column_row, range(nx)))
+    weight = np.maximum(1.0 - 3.0 * inside, np.float32(1e-3))
+    volume *= weight[..., None]
+    for axis in (0, 1):
+        volume, weight = (convolve1d(each, _BLUR, axis=axis, mode="nearest") for each in (volume, weight))
+    return np.ascontiguousarray(volume / weight[..., None], np.float32)

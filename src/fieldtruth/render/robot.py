@@ -15,8 +15,8 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.light import Shading
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.robot import paint_samples
-from fieldtruth.render.visibility import sun_disc, visibility
-from fieldtruth.sense.robot_view import RobotView
+from fieldtruth.render.light import sun_disc, visibility
+from fieldtruth.sense.robot import RobotView
 
 _NODES: Final = (14, 10)
 _MARGIN: Final = 0.1  # [m] beyond the robot's parts

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Normals, texture coordinates, materials, tints and snow of a scene's surfaces, as tables that kernels read."""
+"""Normals, texture coordinates, materials, tints, snow and wires of a scene's surfaces, as tables that kernels read."""
 
 from typing import Final
 
 import numpy as np
 
-from fieldtruth.core.arrays import Float32Array
-from fieldtruth.kernels.light import SnowTable, SurfaceTable
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.light import AirTable, LightTable, MaterialTable, Shading, SnowTable, SurfaceTable, WireTable
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.world.model import Mesh, Terrain
 from fieldtruth.world.seasons.snow import hidden_share
@@ -48,3 +48,50 @@ def snow_table(terrain: Terrain) -> SnowTable:
     """Table of a terrain, with ``on_top`` 0 where no snow lies."""
     deep = 0.0 if terrain.snow is None else float(np.quantile(terrain.snow, 0.9))
     return SnowTable(grid_of(hidden_share(terrain)), np.float32(min(deep / LOADS, 1.0)))
+
+
+def wire_table(scene: Scene, materials: MaterialTable) -> WireTable:
+    """Wires of a scene in the world frame, as photographs draw them."""
+    rows = {name: row for row, name in enumerate(scene.world.materials)}
+    radius = np.zeros(len(scene.tops), np.float32)
+    chains, tops, albedo = list[Array](), list[int](), list[Array]()
+    for top, (mesh, pose, _, tint) in enumerate(scene.tops):
+        if mesh is None or mesh.axis is None:
+            continue
+        scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
+        radius[top] = scale * mesh.axis[:, 3].mean()
+        chains.append(mesh.axis[:, :3].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3])
+        material = rows[mesh.materials[0]]
+        albedo.append(materials.atlas.mean[materials.texture[material]] * materials.tint[material] * np.array(tint))
+        tops.append(top)
+    tangents = [np.gradient(chain, axis=0) for chain in chains]
+    middles = [(chain.min(axis=0) + chain.max(axis=0)) / 2 for chain in chains]
+    balls = [[*m, np.linalg.norm(chain - m, axis=1).max()] for m, chain in zip(middles, chains, strict=True)]
+    return WireTable(
+        start=np.concatenate([*(chain[:-1] for chain in chains), np.zeros((0, 3))]),
+        end=np.concatenate([*(chain[1:] for chain in chains), np.zeros((0, 3))]),
+        tangent=np.concatenate([*(np.stack([t[:-1], t[1:]], axis=1) for t in tangents), np.zeros((0, 2, 3))]),
+        first=np.cumsum([0, *(len(chain) - 1 for chain in chains)]).astype(np.int32),
+        ball=np.array(balls).reshape(-1, 4),
+        top=np.array(tops, np.int32),
+        albedo=np.array(albedo, np.float32).reshape(-1, 3),
+        radius=radius,
+    )
+
+
+def shading_of(scene: Scene, light: LightTable, materials: MaterialTable, air: AirTable) -> Shading:
+    """All that shading needs of a scene, without the second rays of water, and with an exposure of 1."""
+    snow = snow_table(scene.world.terrain)
+    return Shading(
+        scene=scene.rays.handle,
+        hits=scene.hits,
+        surfaces=surface_table(scene, light.vertex_near),
+        materials=materials,
+        light=light,
+        wires=wire_table(scene, materials),
+        has_water=False,
+        exposure=np.float32(1.0),
+        air=air,
+        snow=snow,
+        has_snow=bool(snow.on_top > 0),
+    )

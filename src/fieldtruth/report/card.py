@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The data card of a run, DATASET.md: contents, conventions and limits of the data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from string import Template
 from typing import Final
@@ -13,20 +13,18 @@ import fieldtruth
 from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.core.readings import Inertial, Odometry
+from fieldtruth.core.lenses import FLAT
+from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.card_sensors import (
-    cloud_frames,
-    frame_content,
-    note_lines,
-    ray_depths,
-    sensor_lines,
-)
-from fieldtruth.report.setting import body_words, robot_title
+from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.robot_models import robot_data
+from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -39,6 +37,128 @@ _STANDING: Final = (
 )
 _FIXED: Final = "`/tf` has the pose of `base_link` in the world"
 _TURNING: Final = f"{_FIXED} and those of the wheels in `base_link`"
+
+
+def robot_title(robot: RobotConfig) -> str:
+    """Return the robot with its article: that of its model, or one with figures of its own."""
+    name = str(robot_data(robot.model)["description"]).partition(":")[0].removesuffix(" A200")
+    if name.startswith("A robot"):
+        return f"{robot.drive.replace('_', '-')} robot of {robot.mass:g} kg"
+    return name if robot == RobotConfig(model=robot.model) else f"robot with figures other than a {name}'s"
+
+
+def body_words(robot: RobotConfig) -> dict[str, str]:
+    """Return the words of the card's part about physics that depend on the robot."""
+    return {
+        "wheels": "four wheels" if robot.caster is None else "two driven wheels and a caster",
+        "as_real": ", as on the real one" if robot.model == "husky" else "",
+        "mass": f"{robot.mass:g}",
+        "torque": f"{robot.max_torque:g}",
+    }
+
+
+def collection_of(experiments: Sequence[Experiment]) -> str:
+    """Return a sentence about how the sensors moved in experiments: which robots drove, stood or followed poses."""
+    groups = {
+        "drives": [e for e in experiments if e.frames is None and e.drive is None],
+        "stands at random poses": [e for e in experiments if e.frames is not None and e.drive is None],
+        "follows given poses, without physics,": [e for e in experiments if e.drive is not None],
+    }
+    parts = [f"a {_list(robot_title(e.rig.robot) for e in made)} {verb}" for verb, made in groups.items() if made]
+    return f"{'; '.join(parts)} in generated natural environments"
+
+
+def conditions_of(experiments: Sequence[Experiment]) -> str:
+    """Return a sentence about the environments, seasons, light and weather that experiments have."""
+    environments = _list(e.environment for e in experiments)
+    seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
+    light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
+    return (
+        f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, "
+        f"with light of {light} and {weather}; all others are missing."
+    )
+
+
+def _light(light: LightConfig) -> str:
+    words = f"preset {light.preset}"
+    own = light.model_dump(exclude={"preset"}, exclude_defaults=True)
+    return words + f" with own {', '.join(own)}" * bool(own)
+
+
+def _list(words: Iterable[str]) -> str:
+    *others, last = dict.fromkeys(words)
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def sensor_lines(rig: Rig) -> list[str]:
+    """Figures of the sensors that see, of others where there are several of a kind, and what is not ideal."""
+    seen = [_figures(each, rig) for config in (ImagingConfig, ScanningConfig) for each in rig.enabled(config)]
+    lines = seen or ["- Neither cameras nor LiDAR were enabled."]
+    lines += [_figures(each, rig) for each in rig.in_order() if not each.sees and len(_alike(each, rig)) > 1]
+    return lines + [_real(sensor) for sensor in rig.in_order() if not sensor.is_ideal]
+
+
+def _figures(sensor: SensorConfig, rig: Rig) -> str:
+    return f"- {_named(sensor, rig)}: {sensor.summary()}"
+
+
+def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
+    """Sensors of a rig whose readings are of the same type."""
+    return [each for each in rig.in_order() if each.gives is sensor.gives]
+
+
+def _real(sensor: SensorConfig) -> str:
+    """What makes a sensor other than ideal."""
+    what = ["errors of a real sensor (`signal` in experiment.yaml)"] * (sensor.signal is not None)
+    if (clock := sensor.clock) is not None:
+        what.append(
+            f"a clock of its own (offset {clock.offset_s:g} s, drift {clock.drift_ppm:g} ppm, "
+            f"jitter {clock.jitter_s:g} s; {clock.drop_share:.1%} of its readings are lost); "
+            "stamps in the bag are the true time"
+        )
+    truth = [topic.name for topic in sensor.topics() if topic.name.endswith(TRUTH)]
+    ideal = f". Ideal readings: {', '.join(f'`{name}`' for name in truth)}" if truth else ""
+    return f"- `{sensor.name}` has {' and '.join(what)}{ideal}."
+
+
+def note_lines(rig: Rig, reading: type[Reading]) -> list[str]:
+    """How the sensors whose readings are of a type take them."""
+    lines = []
+    for sensor in (each for each in rig.in_order() if issubclass(each.gives, reading)):
+        named = f"`{sensor.name}`" if len(_alike(sensor, rig)) > 1 else f"The {sensor.noun}"
+        lines += [f"- {note}" for note in sensor.notes(named)]
+    return lines
+
+
+def cloud_frames(rig: Rig) -> str:
+    """Sentence about the frames of the clouds; empty for a rig without LiDAR."""
+    frames = [f"`{sensor.frame}`" for sensor in rig.sensors if isinstance(sensor, ScanningConfig)]
+    if not frames:
+        return ""
+    return f"{', '.join(frames)}: frame{'s' * (len(frames) > 1)} of the points, x forward, y left, z up. "
+
+
+def ray_depths(rig: Rig) -> str:
+    """Phrase about the cameras whose depth is along the ray: those that can see beyond 180 degrees."""
+    names = [f"`{camera.name}`" for camera in rig.enabled(ImagingConfig) if camera.lens.model not in FLAT]
+    return f", of {', '.join(names)} along the ray" if names else ""
+
+
+def frame_content(rig: Rig) -> str:
+    """What one separate frame consists of."""
+    views, scanners = rig.imagers, rig.enabled(ScanningConfig)
+    is_pair = len(rig.enabled(ImagingConfig)) == 1 and len(views) == 2
+    images = "a stereo pair" if is_pair else f"{len(views)} images" if len(views) > 1 else "an image"
+    clouds = f"{len(scanners)} clouds" if len(scanners) > 1 else "a cloud"
+    return " and ".join([images] * bool(views) + [clouds] * bool(scanners)) or "a pose"
+
+
+def _named(sensor: SensorConfig, rig: Rig) -> str:
+    noun = sensor.noun or sensor.kind
+    words = f"{noun[:1].upper()}{noun[1:]}"
+    if sensor.gives is Cloud and sensor.model:
+        words = f"{words} {sensor.model}"
+    return f"{words} `{sensor.name}`" if len(_alike(sensor, rig)) > 1 else words
 
 
 def data_card(
@@ -134,7 +254,7 @@ def _frames(rig: Rig) -> list[str]:
     rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
     for (parent, child), parent_from_child in fixed_transforms(rig).items():
         xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
-        wxyz = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
-        xyzw = ", ".join(f"{value:.6g}" for value in frames.xyzw_from_wxyz(wxyz).round(9) + 0.0)
+        wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
+        xyzw = ", ".join(f"{value:.6g}" for value in transforms.xyzw_from_wxyz(wxyz).round(9) + 0.0)
         rows.append(f"| `{parent}` | `{child}` | {xyz} | {xyzw} |")
     return rows

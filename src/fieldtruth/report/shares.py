@@ -22,8 +22,7 @@ from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.sense.robot_rays import part_table
-from fieldtruth.sense.robot_view import robot_view
+from fieldtruth.sense.robot import part_table, robot_view
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera

@@ -30,7 +30,7 @@ from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.outputs import output_path
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
-from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
+from fieldtruth.report.drawing.images import flow_colours, normal_colours
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"

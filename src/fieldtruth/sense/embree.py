@@ -4,6 +4,10 @@
 
 The ``embreex`` wheel ships the Embree library; its Python interface supports neither instances nor packets, so the
 library is called directly. ``Engine`` raises EngineError for another version, or another layout of packets.
+
+``processor`` names what the last digit of a reading depends on. Embree orders triangles otherwise in packets of another
+width, so that a ray may meet either of two surfaces at one depth; its instruction sets, the code that Numba compiles
+and the loops of NumPy round otherwise.
 """
 
 import ctypes as c
@@ -11,14 +15,15 @@ from functools import cache
 from typing import Any, Final, Self
 
 import numpy as np
+from numpy.lib.introspect import opt_func_info
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.errors import EngineError
 from fieldtruth.kernels import packets
+from fieldtruth.kernels.compile import compiler_target
 from fieldtruth.kernels.packets import LANES, MISS, SOLID
 
 VERSION: Final = 40400
-
 _TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121
 _INDEX, _VERTEX, _GRID = 0, 1, 8
 _FLOAT3, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0xA001, 0x9234
@@ -27,7 +32,6 @@ _GRID_NODES: Final = 17  # on a side of a grid; 9 and 33 were measured to be no 
 _NATIVE_PACKETS = ((34, 16), (33, 8), (32, 4))  # number of the property, rays
 _ROBUST = 1 << 2
 _HIGH_QUALITY = 2
-
 _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcGetDeviceError": (c.c_int, (c.c_void_p,)),
     "rtcNewScene": (c.c_void_p, (c.c_void_p,)),
@@ -37,10 +41,7 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcCommitScene": (None, (c.c_void_p,)),
     "rtcNewGeometry": (c.c_void_p, (c.c_void_p, c.c_int)),
     "rtcReleaseGeometry": (None, (c.c_void_p,)),
-    "rtcSetNewGeometryBuffer": (
-        c.c_void_p,
-        (c.c_void_p, c.c_int, c.c_uint, c.c_int, c.c_size_t, c.c_size_t),
-    ),
+    "rtcSetNewGeometryBuffer": (c.c_void_p, (c.c_void_p, c.c_int, c.c_uint, c.c_int, c.c_size_t, c.c_size_t)),
     "rtcSetGeometryInstancedScene": (None, (c.c_void_p, c.c_void_p)),
     "rtcSetGeometryTransform": (None, (c.c_void_p, c.c_uint, c.c_int, c.c_void_p)),
     "rtcSetGeometryMask": (None, (c.c_void_p, c.c_uint)),
@@ -197,3 +198,22 @@ class RayScene:
     def __del__(self) -> None:
         if getattr(self, "_pointer", None):
             self._api.rtcReleaseScene(self._pointer)
+
+
+_SETS: Final = {16: "AVX-512", 8: "AVX or AVX2", 4: "SSE or NEON"}
+"""Instruction sets by the widest packet that Embree traces natively with them."""
+
+
+@cache
+def processor() -> dict[str, str]:
+    """Return what Embree, Numba and NumPy use in this process: platform, packets, instruction sets, compiler target."""
+    triple, name, features = compiler_target()
+    loops = opt_func_info(func_name="^exp$", signature="^float64$").get("exp", {})
+    return {
+        "platform": triple,
+        "packet width": str(LANES),
+        "Embree's instruction set": _SETS.get(native_packet(), "unknown"),
+        "Numba's processor": name,
+        "Numba's instruction sets": " ".join(sorted(f[1:] for f in features.split(",") if f.startswith("+"))),
+        "NumPy's instruction set": " ".join(sorted({found["current"] for found in loops.values()})),
+    }

@@ -1,40 +1,34 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ray-tracing scene that all sensors share: the world in Embree, and the classes of its hits."""
+"""The ray-tracing scene that all sensors share: the world in Embree, the classes of its hits, and rays for anybody.
 
-from collections.abc import Iterator
+A ray that enters the box of an instance is transformed into its frame and starts at the top of its hierarchy. Below a
+canopy it would do so at every tree whose crown is above it, so that meshes such as trees are two instances, trunk and
+crown, if the two boxes enclose less air than one. Rays of ``cast`` are packed as they come, without a pose each; blocks
+of them are traced side by side by threads.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.kernels.cast import CastTable, Hits
-from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable
-from fieldtruth.sense.cast import bundle_of, cast, cast_table, occluded
+from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
+from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.parts import parts_of
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
+BLOCK: Final = 1 << 16
+"""Rays that a thread traces at once."""
+_GAIN: Final = 0.85
+"""Share of the area of the whole mesh's box below which the boxes of two parts are worth a second instance."""
 _NO_TINT: Final = (1.0, 1.0, 1.0)
-
-
-def terrain_nodes(field: Heightfield) -> Float32Array:
-    """Nodes (nx, ny, 3) [m] of a heightfield."""
-    nx, ny = field.heights.shape
-    nodes = np.empty((nx, ny, 3), np.float32)
-    nodes[..., 0] = (field.x0 + field.spacing * np.arange(nx))[:, None]
-    nodes[..., 1] = field.y0 + field.spacing * np.arange(ny)
-    nodes[..., 2] = field.heights
-    return nodes
-
-
-def grid_of(raster: Raster | Heightfield) -> Grid:
-    """Convert a raster of one channel, or heights, to the form that kernels take."""
-    values = raster.heights if isinstance(raster, Heightfield) else raster.values
-    return Grid(np.ascontiguousarray(values, np.float32), raster.x0, raster.y0, 1.0 / raster.spacing)
 
 
 class TopLevel(NamedTuple):
@@ -103,7 +97,17 @@ class Scene:
             ValueError: a direction without length, a number that is not finite, or shapes that do not fit.
         """
         bundle = bundle_of(origins, directions, "directions", min_range, max_range, water)
-        return cast(self.rays.handle, self.hits, self._cast_table, bundle, workers)
+        scene, hits, table, count = self.rays.handle, self.hits, self._cast_table, _count(bundle)
+        out = Hits(
+            np.empty(count, np.float32),
+            np.empty((count, 3), bundle.origins.dtype),
+            np.empty((count, 3), np.float32),
+            np.empty(count, np.uint8),
+            np.empty(count, np.uint32),
+            np.empty(count, np.int16),
+        )
+        _in_blocks(bundle, workers, lambda packet, span: int(trace_rays(scene, hits, table, packet, bundle, span, out)))
+        return out
 
     def occluded(
         self,
@@ -139,11 +143,13 @@ class Scene:
             bundle = bundle_of(origins, targets, "targets", min_range, max_range, water)
         else:
             bundle = bundle_of(origins, np.asarray(directions), "directions", min_range, max_range, water)
-        return occluded(self.rays.handle, bundle, workers)
+        scene, out = self.rays.handle, np.empty(_count(bundle), np.bool_)
+        _in_blocks(bundle, workers, lambda packet, span: int(block_rays(scene, packet, bundle, span, out)))
+        return out
 
     @cached_property
     def _cast_table(self) -> CastTable:
-        return cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops], self.hits)
+        return _make_cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops], self.hits)
 
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
@@ -155,12 +161,6 @@ class Scene:
         return scene.commit()
 
 
-def _mask(world: World, mesh: Mesh) -> int:
-    if any(world.materials[name].mirror > 0 for name in mesh.materials):
-        return CLEAR
-    return SOLID if mesh.axis is None else THIN
-
-
 def _top_levels(world: World) -> Iterator[TopLevel]:
     for mesh in (None, *([world.backdrop] if world.backdrop is not None else [])):
         yield TopLevel(mesh, np.eye(4), GROUND_ID, _NO_TINT)
@@ -170,6 +170,35 @@ def _top_levels(world: World) -> Iterator[TopLevel]:
         meshes = [world.meshes[name] for name in swarm.meshes]
         for row, pose, tint in zip(swarm.mesh.tolist(), swarm.world_from_object, swarm.tint.tolist(), strict=True):
             yield TopLevel(meshes[row], pose, swarm.object_id, tint)
+
+
+def _mask(world: World, mesh: Mesh) -> int:
+    if any(world.materials[name].mirror > 0 for name in mesh.materials):
+        return CLEAR
+    return SOLID if mesh.axis is None else THIN
+
+
+def parts_of(mesh: Mesh) -> list[Mask]:
+    """Return the faces (f,) of each part: all in one, or those below and those above the best height in two.
+
+    The chance that a ray hits a box is proportional to the box's area; the best height is where the sum is least.
+    """
+    corners = mesh.vertices[mesh.faces]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(low[:, 2] + high[:, 2], kind="stable")
+    low, high = low[order], high[order]
+    below = _area(np.maximum.accumulate(high) - np.minimum.accumulate(low))
+    above = _area(np.maximum.accumulate(high[::-1]) - np.minimum.accumulate(low[::-1]))[::-1]
+    if len(order) < 2 or (below[:-1] + above[1:]).min() > _GAIN * below[-1]:
+        return [np.ones(len(order), np.bool_)]
+    lower = np.zeros(len(order), np.bool_)
+    lower[order[: int(np.argmin(below[:-1] + above[1:])) + 1]] = True
+    return [lower, ~lower]
+
+
+def _area(size: Array) -> Array:
+    """Half the area (n,) of boxes of a size (n, 3)."""
+    return np.asarray((size * np.roll(size, 1, axis=1)).sum(axis=1))
 
 
 def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel], geometry_top: list[int]) -> HitTable:
@@ -185,3 +214,109 @@ def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel], geometry_
         face_label=np.concatenate([*face_labels, np.zeros(0, np.uint8)]),
         trail_distance=grid_of(world.terrain.trail_distance),
     )
+
+
+def terrain_nodes(field: Heightfield) -> Float32Array:
+    """Nodes (nx, ny, 3) [m] of a heightfield."""
+    nx, ny = field.heights.shape
+    nodes = np.empty((nx, ny, 3), np.float32)
+    nodes[..., 0] = (field.x0 + field.spacing * np.arange(nx))[:, None]
+    nodes[..., 1] = field.y0 + field.spacing * np.arange(ny)
+    nodes[..., 2] = field.heights
+    return nodes
+
+
+def grid_of(raster: Raster | Heightfield) -> Grid:
+    """Convert a raster of one channel, or heights, to the form that kernels take."""
+    values = raster.heights if isinstance(raster, Heightfield) else raster.values
+    return Grid(np.ascontiguousarray(values, np.float32), raster.x0, raster.y0, 1.0 / raster.spacing)
+
+
+def _make_cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.float64]], hits: HitTable) -> CastTable:
+    """Return what hits are looked up in; ``poses`` (4, 4) are those of the top-level geometries of ``hits``."""
+    rows = {name: row for row, name in enumerate(world.materials)}
+    faces = [np.array([rows[n] for n in m.materials], np.int16)[m.material] for m in meshes]
+    terrain = world.terrain
+    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    cover = np.ascontiguousarray(terrain.cover.values, np.float32)
+    tops = aligned(16 * len(poses)).reshape(-1, 16)
+    tops[:, :9] = np.array([pose[:3, :3].ravel() for pose in poses])
+    words = tops.view(np.uint32)
+    words[:, OBJECT] = hits.top_object
+    words[:, FIRST] = np.array([*hits.mesh_face, 0])[hits.top_mesh]  # the terrain's row is -1
+    return CastTable(
+        tops=tops,
+        words=words,
+        face_material=np.concatenate([*faces, np.zeros(1, np.int16)]),
+        label=np.array([int(material.label) for material in world.materials.values()], np.uint8),
+        cover=cover,
+        ground=np.array([rows[name] for name in names], np.int16),
+        grid=Grid(cover[..., 0], terrain.cover.x0, terrain.cover.y0, 1.0 / terrain.cover.spacing),
+        border_width=terrain.border_width,
+    )
+
+
+def bundle_of(
+    origins: ArrayLike, ahead: ArrayLike, kind: Literal["directions", "targets"], near: float, far: float, water: bool
+) -> Bundle:
+    """Check the shapes of rays, and bring origins and directions, or targets, to one type of numbers.
+
+    Raises:
+        ValueError: shapes that do not fit, or limits that are no range.
+    """
+    given = {"origins": np.asarray(origins), kind: np.asarray(ahead)}
+    single = all(array.dtype == np.float32 for array in given.values())
+    for name, array in given.items():
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise ValueError(f"{name} must have the shape (n, 3) or (3,), got {array.shape}")
+    kind_of_number: Any = np.float32 if single else np.float64
+    starts, ends = (np.ascontiguousarray(np.atleast_2d(array), kind_of_number) for array in given.values())
+    if given["origins"].ndim == given[kind].ndim == 2 and len(starts) != len(ends):
+        raise ValueError(f"origins and {kind} must be equally many, got {len(starts)} and {len(ends)}")
+    if not 0.0 <= near <= far:
+        raise ValueError(f"min_range must be at least 0 and at most max_range, got {near} and {far}")
+    steps = [int(array.ndim == 2) for array in given.values()]
+    mask = MISS if water else SOLID | THIN
+    return Bundle(starts, steps[0], ends, steps[1], kind == "targets", float(near), float(far), mask)
+
+
+def _count(bundle: Bundle) -> int:
+    """Return the number of rays."""
+    starts, ends = len(bundle.origins), len(bundle.ahead)
+    return ends if bundle.ahead_step else starts
+
+
+def _in_blocks(bundle: Bundle, workers: int | None, work: Callable[[Packet, tuple[int, int]], int]) -> None:
+    """Trace blocks of rays, each from a first to a last row.
+
+    Raises:
+        ValueError: ``work`` returned the row of an invalid ray, instead of -1.
+    """
+    count = _count(bundle)
+    spans = [(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]
+    threads = min(workers or cpu_count(), len(spans))
+
+    def trace(span: tuple[int, int]) -> int:
+        return work(new_packet(coherent=False), span)
+
+    for bad in in_order(spans, trace, threads) if threads > 1 else map(trace, spans):
+        if bad >= 0:
+            raise ValueError(_problem(bundle, bad, count))
+
+
+def cast_rays(scene: Scene, origins: ArrayLike, directions: ArrayLike, max_range: float = np.inf) -> Hits:
+    """Call ``Scene.cast``, which replaces this function."""
+    warnings.warn("cast_rays(scene, ...) is now scene.cast(...)", DeprecationWarning, stacklevel=2)
+    return scene.cast(origins, directions, max_range)
+
+
+def _problem(bundle: Bundle, row: int, count: int) -> str:
+    """State what is wrong with a ray."""
+    where = f"; row {row} is" if count > 1 else ", got" if bundle.targets else ""
+    origin, ahead = bundle.origins[row * bundle.origin_step], bundle.ahead[row * bundle.ahead_step]
+    with np.errstate(over="ignore"):
+        if not np.isfinite(origin.astype(np.float32)).all():
+            return f"origins must be finite{where or ', got'} {origin.tolist()}"
+    if bundle.targets:
+        return f"targets must be finite{where} {ahead.tolist()}"
+    return "directions must be finite and longer than 0" + (f"{where} {ahead.tolist()}" if where else "")

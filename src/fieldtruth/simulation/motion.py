@@ -10,8 +10,8 @@ import numpy as np
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.frames import pose_from_quaternion_wxyz
 from fieldtruth.core.progress import Advance
+from fieldtruth.core.transforms import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.drive.robot import Command

@@ -8,6 +8,7 @@ others, one that fewer items meet is not checked.
 """
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,11 +16,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Mask
+from fieldtruth.core.arrays import Array, Mask
 
 MAJORITY: Final = 0.9
 """Share of items that must meet a rule before the others count as wrong, where the rule may not apply."""
-
+SIGMAS: Final = 5.0
+"""Standard deviations of a statistic that are tolerated."""
+_NORMAL_CORE: Final = math.erf(math.sqrt(0.5))
+"""Share of a normal distribution within one standard deviation."""
 _STATUS: Final = {True: "pass", False: "FAIL", None: "skipped"}
 
 
@@ -188,6 +192,17 @@ class Tally:
         figures = [f"{max(count.seen for count in counts):,} {self.spec.items}"] * bool(self.spec.items)
         figures += [count.margin for count in counts if count.rule.tolerance is not None and count.met]
         return Check(self.spec.name, True, "; ".join([*figures, *[self.note] * bool(self.note), *notes]))
+
+
+def see_normal(tally: Tally, rules: tuple[Rule, Rule, Rule], values: Array, where: str) -> None:
+    """Compare values (n,), in time order, with a standard normal distribution: mean, deviation, share within one."""
+    mean, spread, shape = rules
+    count = len(values)
+    for part, rows in (("first half", values[: count // 2]), ("second half", values[count // 2 :])):
+        tally[mean].measure(float(rows.mean()) * math.sqrt(len(rows)), f"{where}, {part}")
+    tally[spread].measure((float(np.mean(values**2)) - 1.0) * math.sqrt(count / 2.0), where)
+    core = float(np.mean(np.abs(values) < 1.0))
+    tally[shape].measure((core - _NORMAL_CORE) / math.sqrt(_NORMAL_CORE * (1.0 - _NORMAL_CORE) / count), where)
 
 
 def markdown(specs: Sequence[Spec]) -> str:

@@ -27,7 +27,6 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
-
 CHECKSUMS_SPEC: Final[Spec] = Spec("checksums", (Rule(f"the files have the SHA-256 sums of {CHECKSUMS}"),))
 EXPERIMENT_SPEC: Final[Spec] = Spec("experiment", (Rule(f"{EXPERIMENT} can be read and belongs to this bag"),))
 READABLE: Final = Rule("the file consists of records without a gap, and can be unpacked")

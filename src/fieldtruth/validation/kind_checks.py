@@ -1,16 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the checks of a kind of sensor are, and what they share during the pass over the bag."""
+"""Checks of a kind of sensor, and what all checks share during the pass over the bag."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from fieldtruth.validation.check import Spec
-from fieldtruth.validation.context import Checker, Context
-from fieldtruth.validation.retrace.reference import RayReference
-from fieldtruth.validation.retrace.world import ObjectClasses
-from fieldtruth.validation.sampler import Sampler
+from fieldtruth.validation.context import Checker, Context, Sampler
+from fieldtruth.validation.rays import RayReference
+from fieldtruth.validation.world import ObjectClasses
 
 
 class Pass(NamedTuple):

@@ -1,11 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The single pass over a bag: messages go to the checks of their topic, costly work goes to threads, in order."""
+"""The single pass over a bag: messages go to the checks of their topic, costly work goes to threads, in order.
 
+Sensors whose kind has no check of its own are sensed again in the rebuilt world.
+"""
+
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
@@ -15,32 +20,41 @@ from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
+from fieldtruth.drive.track import Motion, Track
+from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.checks import CHECKS
-from fieldtruth.validation import files, streams
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
+from fieldtruth.sensors.known import OWN, sensor_class
+from fieldtruth.validation import files, motion, streams, world
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, at
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.validation.files import BagFile, OtherFile
 from fieldtruth.validation.kind_checks import Pass
-from fieldtruth.validation.motion import calibration, clocks, commands, drive, poses
-from fieldtruth.validation.retrace import agreement, readings, reference, world
+from fieldtruth.validation.rays import INDEPENDENT_RAYS, RayReference
+from fieldtruth.validation.retrace import agreement
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
-
 DECODABLE: Final = Rule("every message has exactly the bytes of its type")
 MESSAGES: Final[Spec] = Spec("messages", (DECODABLE,), "messages")
+
+SAME_READING: Final = Rule("a sensor reads the same again")
+OTHER_SENSORS: Final[Spec] = Spec("other sensors", (SAME_READING,), "readings")
+_OPEN: Final = 500
+"""Readings for which further messages are awaited."""
+_BEFORE_NS: Final = 10**9
+"""Motion [ns] before a reading that is kept for it."""
 
 SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
-    streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, drive.DRIVE,
-    *(spec for kind in CHECKS for spec in kind.motion), commands.COMMANDS,
+    streams.FRAMES, motion.CALIBRATION, motion.STATIC_OBJECTS, motion.MOTION, motion.POSES, motion.DRIVE,
+    *(spec for kind in CHECKS for spec in kind.motion), motion.COMMANDS,
     *(spec for kind in CHECKS for spec in kind.form), world.OBJECT_CLASSES, agreement.LIDAR_AND_CAMERAS, world.WORLD,
-    *(spec for kind in CHECKS for spec in kind.retraced), reference.INDEPENDENT_RAYS,
+    *(spec for kind in CHECKS for spec in kind.retraced), INDEPENDENT_RAYS,
 )  # fmt: skip
 """All checks, in the order of the output."""
-
-_NOT_IDEAL: Final = (clocks.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
+_NOT_IDEAL: Final = (streams.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
 """Checks of a run with sensors that are not ideal."""
 ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, *(spec for kind in CHECKS for spec in kind.extras))
 """All checks, those of runs with sensors that are not ideal, and of what some runs only have, included."""
@@ -91,24 +105,24 @@ def validate(
         *SPECS,
         *_NOT_IDEAL * real,
         *(spec for kind in CHECKS for spec in kind.extras_of(context)),
-        *[readings.OTHER_SENSORS] * readings.are_checked(context),
+        *[OTHER_SENSORS] * _has_other_sensors(context),
     )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
-    rays = None if context.rebuilt is None else reference.RayReference(context, context.rebuilt.world)
+    rays = None if context.rebuilt is None else RayReference(context, context.rebuilt.world)
     shared = Pass(context, world.ObjectClasses(context), rays, full, samples)
     # The true motion comes first: other checkers compare with it. The second ray tracer gets what they choose.
     checkers: list[Checker] = [
-        streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
-        poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
-        *(checker for kind in CHECKS for checker in kind.make(shared)), commands.Commands(context),
-        clocks.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
+        streams.Stamps(context), streams.Headers(context), motion.Calibration(context),
+        motion.ModelStates(context), motion.Poses(context), motion.Drive(context), world.WorldObjects(context),
+        *(checker for kind in CHECKS for checker in kind.make(shared)), motion.Commands(context),
+        streams.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
     ]  # fmt: skip
     if context.rebuilt is not None and rays is not None:
-        checkers += [readings.Readings(context, context.rebuilt), rays]
+        checkers += [Readings(context, context.rebuilt), rays]
     return checkers
 
 
@@ -154,3 +168,59 @@ def _decoded(store: Typestore, raw: RawMessage) -> Any:
         return store.deserialize_ros1(raw.data, raw.msgtype)
     except Exception as error:  # the generated code raises arbitrary errors for damaged bytes
         raise BagError(str(error) or type(error).__name__) from error
+
+
+def _has_other_sensors(context: Context) -> bool:
+    """Whether a rig has sensors whose kind has no check of its own."""
+    return any(sensor_class(config) not in OWN for config in context.rig.in_order())
+
+
+class Readings(Checker):
+    """Every reading of kinds without a check, sensed again from the true motion and compared by ``difference``."""
+
+    def __init__(self, context: Context, rebuilt: RebuiltWorld) -> None:
+        self._context, self._tally = context, context.tally(OTHER_SENSORS)
+        self.tallies, rig = [self._tally], context.rig
+        made = context.experiment
+        light, weather = (None, None) if made is None else (made.light, made.weather)
+        self._sensor_world = SensorWorld(rebuilt.world, rig, light, weather, scene=rebuilt.scene, baked=rebuilt.baked)
+        self._configs = {config.name: config for config in rig.in_order() if sensor_class(config) not in OWN}
+        outputs = [(config, each) for config in self._configs.values() for each in config.outputs_on(rig.robot)]
+        self._of_topic = {topic.name: found for found in outputs for topic in found[1].topics}
+        self.topics = tuple(self._of_topic)
+        self._open: dict[tuple[str, int], dict[str, Any]] = {}
+        """Messages of a reading that has not come as a whole: by output and stamp, then by topic."""
+        self._own = threading.local()
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Process a message."""
+        config, output = self._of_topic[raw.topic]
+        reading = self._open.setdefault((output.name, raw.stamp_ns), {})
+        reading[raw.topic] = message
+        if len(self._open) > _OPEN:  # a topic lacks messages, which the check of counts reports
+            del self._open[next(iter(self._open))]
+        topics = [topic.name for topic in output.topics]
+        if reading.keys() == set(topics) and config.sees:  # what a sensor of motion measures may need the whole drive
+            del self._open[output.name, raw.stamp_ns]
+            messages = [reading[topic] for topic in topics]
+            end_ns = raw.stamp_ns + round(1e9 * config.late_s)
+            self._context.motion.when_known(end_ns, lambda: self._submit(raw, output, messages))
+
+    def _submit(self, raw: RawMessage, output: Output, messages: list[Any]) -> None:
+        motion = self._context.motion.motion
+        since = int(np.searchsorted(motion.stamps_ns, raw.stamp_ns - _BEFORE_NS))
+        known = Motion(**{name: rows[since:].copy() for name, rows in vars(motion).items()})
+        self._context.jobs.append(lambda: self._compare(raw, output, known, messages))
+
+    def _compare(self, raw: RawMessage, output: Output, motion: Motion, messages: list[Any]) -> list[Tally]:
+        sensors: dict[str, Sensor] = vars(self._own)
+        config = self._of_topic[raw.topic][0]
+        if config.name not in sensors:
+            sensors[config.name] = sensor_class(config)(config, self._sensor_world)
+        sensor, movement = sensors[config.name], movement_of(Track(motion=motion, swept=motion, base=None))
+        number = len(stamps_of(config, output, raw.stamp_ns)) - 1
+        reading = sensor.read(output, At(number, raw.stamp_ns, raw.stamp_ns, movement))
+        difference = sensor.difference(output, reading, messages)
+        part = self._tally.part()
+        part[SAME_READING].see(not difference, f"{at(raw)}: {difference}")
+        return [part]

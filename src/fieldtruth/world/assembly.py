@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a filled builder and its terrain to a world: instance ids, and the materials and textures that are used."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.world.litter import scatter_litter
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Terrain, World
-from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.swarms import FarSwarm
+from fieldtruth.world.model import Instance, Mesh, Swarm, Terrain, World
+from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.textures import make_textures
 
 _LITTER_SEED: Final = 7919
@@ -59,3 +60,128 @@ def assemble(
         water_level=builder.water_level,
         object_names=("husky", f"{name}_ground", *(i.name for i in builder.instances), *(s.name for s in swarms)),
     )
+
+
+_Keep = Callable[[Mesh, Array], str | None]
+
+
+"""Name of the part of a mesh at a pose (4, 4) that is inside the edge; None: no part is."""
+
+
+def cut_at_edge(world: World) -> World:
+    """The world without its backdrop, without the members of swarms beyond its edge, and with all else cut there."""
+    half, meshes = np.array(world.size) / 2, dict[str, Mesh]()
+
+    def keep(mesh: Mesh, pose: Array) -> str | None:
+        corners = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        if (np.abs(corners[:, :2]) <= half).all():
+            meshes.setdefault(mesh.name, mesh)
+            return mesh.name
+        part = _cut(replace(mesh, name=f"{mesh.name}_cut_{len(meshes)}"), pose, half)
+        if not len(part.faces):
+            return None
+        meshes[part.name] = part
+        return part.name
+
+    instances = tuple(_cut_instance(world, instance, keep) for instance in world.instances)
+    swarms = tuple(s for swarm in world.swarms if len((s := _cut_swarm(world, swarm, half, keep)).mesh))
+    first = len(world.object_names) - len(world.swarms)
+    ground = world.terrain
+    used = {n for mesh in meshes.values() for n in mesh.materials}
+    used |= {*ground.ground_materials, ground.trail_material, ground.border_material}
+    materials = {name: material for name, material in world.materials.items() if name in used}
+    textures = {name for material in materials.values() for name in material.images}
+    return replace(
+        world,
+        meshes=meshes,
+        instances=instances,
+        swarms=tuple(replace(swarm, object_id=first + k) for k, swarm in enumerate(swarms)),
+        materials=materials,
+        textures={name: image for name, image in world.textures.items() if name in textures},
+        backdrop=None,
+        object_names=(*world.object_names[:first], *(swarm.name for swarm in swarms)),
+    )
+
+
+def _cut_instance(world: World, instance: Instance, keep: _Keep) -> Instance:
+    mesh = keep(world.meshes[instance.mesh], instance.world_from_object)
+    if mesh is None:
+        raise ValueError(f"{instance.name} is wholly outside the edge of {world.name}")
+    return replace(instance, mesh=mesh)
+
+
+def _cut_swarm(world: World, swarm: Swarm, half: Array, keep: _Keep) -> Swarm:
+    """A swarm's members whose origin is inside the edge, cut there."""
+    inside = np.flatnonzero((np.abs(swarm.world_from_object[:, :2, 3]) <= half).all(axis=1))
+    kept = [
+        (name, row)
+        for row in inside
+        if (name := keep(world.meshes[swarm.meshes[swarm.mesh[row]]], swarm.world_from_object[row])) is not None
+    ]
+    names, rows = tuple(dict.fromkeys(name for name, _ in kept)), [row for _, row in kept]
+    return replace(
+        swarm,
+        meshes=names,
+        mesh=np.array([names.index(name) for name, _ in kept], np.int32),
+        world_from_object=swarm.world_from_object[rows],
+        tint=swarm.tint[rows],
+    )
+
+
+def _cut(mesh: Mesh, pose: Array, half: Array) -> Mesh:
+    """The part of a mesh at a pose that is inside |x| <= half[0], |y| <= half[1] [m], in the mesh's frame."""
+    vertices = np.concatenate([mesh.vertices, mesh.normals, mesh.uv], axis=1).astype(np.float64)
+    faces, rows = mesh.faces, np.arange(len(mesh.faces))
+    for axis in (0, 1):
+        for sign in (-1.0, 1.0):
+            along = vertices[:, :3] @ pose[axis, :3] + pose[axis, 3]
+            vertices, faces, kept = _cut_by_plane(vertices, faces, half[axis] - sign * along)
+            rows = rows[kept]
+    used, number = np.unique(faces, return_inverse=True)
+    normals = vertices[used, 3:6]
+    return replace(
+        mesh,
+        vertices=vertices[used, :3].astype(np.float32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        uv=vertices[used, 6:].astype(np.float32),
+        faces=number.reshape(-1, 3).astype(np.int32),
+        material=mesh.material[rows],
+    )
+
+
+def _cut_by_plane(
+    vertices: Array, faces: NDArray[np.int32], inside: Array
+) -> tuple[Array, NDArray[np.int32], NDArray[np.intp]]:
+    """Triangles' parts where the linear function ``inside``, given at the vertices, is at least 0.
+
+    Returns vertices with those of the cuts appended, the triangles, and for each the row in ``faces`` that it is of.
+    """
+    count = (inside[faces] >= 0).sum(axis=1)
+    one, two = np.flatnonzero(count == 1), np.flatnonzero(count == 2)
+    # The corner that is alone on its side of the plane, then the others in the triangle's order.
+    a, b, c = np.concatenate([_from_corner(faces[one], inside >= 0), _from_corner(faces[two], inside < 0)]).T
+    ab, ac = len(vertices) + np.arange(2 * len(a)).reshape(2, -1)
+    cuts = [_crossings(vertices, inside, a, other) for other in (b, c)]
+    alone_inside, alone_outside = slice(len(one)), slice(len(one), None)
+    parts = [
+        faces[count == 3],
+        np.stack([a, ab, ac], axis=1)[alone_inside],
+        np.stack([ab, b, c], axis=1)[alone_outside],
+        np.stack([ab, c, ac], axis=1)[alone_outside],
+    ]
+    rows = np.concatenate([np.flatnonzero(count == 3), one, two, two])
+    return np.concatenate([vertices, *cuts]), np.concatenate(parts).astype(np.int32), rows
+
+
+def _from_corner(faces: NDArray[np.int32], marked: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Triangles that start at their only marked vertex, in the same direction of rotation."""
+    first = np.argmax(marked[faces], axis=1)
+    return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
+
+
+def _crossings(vertices: Array, inside: Array, one: NDArray[np.int32], other: NDArray[np.int32]) -> Array:
+    """Where edges cross the plane, computed from the inner end, so that neighbouring triangles agree exactly."""
+    swap = inside[one] < 0
+    near, far = np.where(swap, other, one), np.where(swap, one, other)
+    share = inside[near] / (inside[near] - inside[far])
+    return np.asarray(vertices[near] + share[:, None] * (vertices[far] - vertices[near]))

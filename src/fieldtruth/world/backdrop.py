@@ -17,8 +17,16 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
-from fieldtruth.world.poses import tilted, upright_poses
-from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, jittered_grid, make_swarm, random_scales
+from fieldtruth.world.placement import (
+    Density,
+    FarSwarm,
+    SwarmSpec,
+    jittered_grid,
+    make_swarm,
+    random_scales,
+    tilted,
+    upright_poses,
+)
 
 Land = Callable[[Array, Array], Array]
 """Height [m] of the land beyond the edge at world x, y [m], arrays of one shape."""

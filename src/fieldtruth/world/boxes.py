@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.model import Instance, Mesh, World
 
@@ -27,7 +27,7 @@ class OrientedBox(NamedTuple):
     def in_frame(self, a_from_b: Array) -> "OrientedBox":
         """Return a box of frame b in frame a."""
         return OrientedBox(
-            frames.transform(a_from_b, self.centre[None])[0], self.size, a_from_b[:3, :3] @ self.rotation
+            transforms.transform(a_from_b, self.centre[None])[0], self.size, a_from_b[:3, :3] @ self.rotation
         )
 
     def contains(self, points: Array, margin: float = 0.0) -> Mask:
@@ -55,7 +55,7 @@ def box_around(points: Array, rotation: Array) -> OrientedBox:
 def object_box(world: World, instance: Instance) -> OrientedBox:
     """Box of an object in the world frame, along the axes of its own frame: x forward, z up where it stands upright."""
     scaled = instance.world_from_object[:3, :3]
-    points = frames.transform(instance.world_from_object, outermost(world.meshes[instance.mesh]))
+    points = transforms.transform(instance.world_from_object, outermost(world.meshes[instance.mesh]))
     return box_around(points, scaled / np.cbrt(np.linalg.det(scaled)))
 
 

@@ -6,14 +6,94 @@ A material belongs to exactly one class. Its texture, by default the one of its 
 a tint only distinguishes materials that share a texture.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, suggestion
-from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.model import Material
 from fieldtruth.world.textures import TEXTURES
+
+REFERENCE_FREQUENCY: Final = 0.1
+
+
+"""Spatial frequency n0 [cycles/m] of ISO 8608."""
+
+
+ISO_CLASSES: Final[Mapping[str, float]] = {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
+
+
+"""Unevenness Gd(n0) [m^3], the geometric mean of each class."""
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Displacement spectrum Gd(n) = ``unevenness`` (n / n0)^-``waviness`` of profiles over a ground."""
+
+    unevenness: float  # Gd(n0) [m^3]
+    waviness: float = 2.0
+
+    def gd(self, n: float) -> float:
+        """Gd [m^3] at a spatial frequency [cycles/m]."""
+        return float(self.unevenness * (n / REFERENCE_FREQUENCY) ** -self.waviness)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Short grass, litter or crumbs: mean and standard deviation of the height, correlation length [m]; normal."""
+
+    mean: float
+    deviation: float
+    correlation: float = 0.03
+
+
+@dataclass(frozen=True)
+class GroundType:
+    """A kind of ground, for relief and soil mechanics; paving, rock and mud have no ``layer``."""
+
+    name: str
+    roughness: Roughness
+    layer: Layer | None = None
+
+
+def _ground_type(name: str, iso_class: str, layer: Layer | None = None, *, waviness: float = 2.0) -> GroundType:
+    return GroundType(name, Roughness(ISO_CLASSES[iso_class], waviness), layer)
+
+
+GROUND_TYPES: Final[Mapping[str, GroundType]] = {
+    g.name: g
+    for g in (
+        _ground_type("paving", "A"),
+        _ground_type("gravel", "C", Layer(0.003, 0.0012), waviness=2.1),
+        _ground_type("lawn", "D", Layer(0.04, 0.0125)),
+        _ground_type("dry_grass", "D", Layer(0.045, 0.018)),
+        _ground_type("mulch", "C", Layer(0.025, 0.008)),
+        _ground_type("leaf_litter", "D", Layer(0.03, 0.011)),
+        _ground_type("meadow", "D", Layer(0.06, 0.020)),
+        _ground_type("forest_floor", "E", Layer(0.05, 0.021)),
+        _ground_type("moss", "E", Layer(0.04, 0.018)),
+        _ground_type("earth", "D", Layer(0.007, 0.0027)),
+        _ground_type("trodden_earth", "D", Layer(0.009, 0.0036), waviness=1.8),
+        _ground_type("mud", "C", waviness=2.5),
+        _ground_type("pebbles", "C", waviness=2.5),
+        _ground_type("dry_turf", "E", Layer(0.06, 0.0235)),
+        _ground_type("stony_soil", "E"),
+        _ground_type("scree", "F"),
+        _ground_type("rock", "F"),
+    )
+}
+
+
+"""Every ground type by name; ``Material.ground_type`` refers to it."""
+
+
+def roughness_of(name: str, classes: Mapping[str, str]) -> Roughness:
+    """Roughness of a ground type in a world whose layout has ISO 8608 ``classes`` by ground type."""
+    own = GROUND_TYPES[name].roughness
+    return Roughness(ISO_CLASSES[classes[name]], own.waviness) if name in classes else own
+
 
 _FIRST: Final = """
     lawn lawn_dry soil mulch bed_edge litter meadow rough_grass mud pebbles water turf_dry soil_stony scree rock_face
@@ -27,6 +107,8 @@ _FIRST: Final = """
     petal_daisy petal_buttercup petal_yarrow spike_cattail
     rock_granite rock_limestone rock_fieldstone rock_schist
 """
+
+
 """Row order in stored worlds. It keeps existing worlds the same bytes; materials that are not listed follow."""
 
 
@@ -47,4 +129,6 @@ def _material(name: str, entry: Entry, source: str) -> Material:
 
 
 MATERIALS: Final = Section("materials", _material, tuple(_FIRST.split()))
+
+
 """Every material; a world holds those that it uses."""

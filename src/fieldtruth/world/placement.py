@@ -3,27 +3,194 @@
 """Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps."""
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.world.circles import Circles
-from fieldtruth.world.grids import BUILT_IN
+from fieldtruth.world.grids import BUILT_IN, Line, Trail
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Swarm
-from fieldtruth.world.poses import random_tint, rotations_to, upright_pose, upright_poses
-from fieldtruth.world.swarms import Density, SwarmSpec, jittered_grid, make_swarm, random_scales
-from fieldtruth.world.trails import Line, Trail
+
+
+class Circles:
+    """Circles (x, y, radius) [m] in the cells of a grid, so that a search visits near ones only."""
+
+    def __init__(self, cell: float) -> None:
+        self._cell = cell
+        self._cells: dict[tuple[int, int], list[tuple[float, float, float]]] = {}
+        self._widest = 0.0
+        self.visits = 0
+        """Circles that all searches looked at."""
+
+    def add(self, x: float, y: float, radius: float = 0.0) -> None:
+        """Add a circle."""
+        key = int(x // self._cell), int(y // self._cell)
+        self._cells.setdefault(key, []).append((float(x), float(y), float(radius)))
+        self._widest = max(self._widest, float(radius))
+
+    def about(self, x: float, y: float, radius: float) -> Iterator[tuple[float, float, float]]:
+        """Yield at least all circles that overlap one about x, y [m]."""
+        reach, cell = radius + self._widest, self._cell
+        for i in range(int((x - reach) // cell), int((x + reach) // cell) + 1):
+            for j in range(int((y - reach) // cell), int((y + reach) // cell) + 1):
+                found = self._cells.get((i, j), ())
+                self.visits += len(found)
+                yield from found
+
+
+def upright_pose(x: float, y: float, yaw: float, scale: float) -> Array:
+    """Pose (4, 4) of an object at x, y [m] and height 0, turned by ``yaw`` [rad] and scaled."""
+    pose: Array = upright_poses(np.array([[x, y]]), np.array([yaw]), np.array([scale]))[0]
+    return pose
+
+
+def upright_poses(xy: Array, yaw: Array, scale: Array) -> Array:
+    """Poses (n, 4, 4) at positions (n, 2) and height 0, turned by ``yaw`` (n,) [rad] and scaled by ``scale`` (n,)."""
+    poses = np.zeros((len(xy), 4, 4))
+    poses[:, 0, 0] = poses[:, 1, 1] = scale * np.cos(yaw)
+    poses[:, 1, 0], poses[:, 0, 1] = scale * np.sin(yaw), -scale * np.sin(yaw)
+    poses[:, 2, 2], poses[:, 3, 3] = scale, 1.0
+    poses[:, :2, 3] = xy
+    return poses
+
+
+def rotations_to(up: Array) -> Array:
+    """Smallest rotations (n, 3, 3) that take z to directions ``up`` (n, 3), which need not be of unit length.
+
+    Rodrigues' formula about z x up; ``up`` must not point straight down.
+    """
+    x, y, z = (up / np.linalg.norm(up, axis=1, keepdims=True)).T
+    share = 1.0 / (1.0 + z)
+    return np.stack(
+        [
+            np.stack([1.0 - share * x * x, -share * x * y, x], axis=-1),
+            np.stack([-share * x * y, 1.0 - share * y * y, y], axis=-1),
+            np.stack([-x, -y, z], axis=-1),
+        ],
+        axis=1,
+    )
+
+
+def tilted(poses: Array, slope_x: ArrayLike, slope_y: ArrayLike, tilt: float) -> Array:
+    """Rotations (n, 3, 3) of upright poses (n, 4, 4) after leaning by a share ``tilt`` of the ground's slope.
+
+    ``slope_x``, ``slope_y`` (n,) are the ground's slopes [rise over run] along x and y.
+    """
+    sx, sy = (-tilt * np.atleast_1d(np.asarray(s, np.float64)) for s in (slope_x, slope_y))
+    return np.asarray(rotations_to(np.column_stack([sx, sy, np.ones(len(sx))])) @ poses[:, :3, :3])
+
+
+def random_tint(rng: np.random.Generator, spread: float) -> tuple[float, float, float]:
+    """Colour factors near 1: brightness varies by ``spread``, each channel by a third of it."""
+    bright = rng.normal(0.0, spread)
+    r, g, b = np.exp(np.clip(bright + rng.normal(0.0, spread / 3, 3), -0.5, 0.5))
+    return float(r), float(g), float(b)
+
+
+def random_tints(rng: np.random.Generator, spread: float, count: int) -> Float32Array:
+    """Colour factors (count, 3) with the distribution of ``random_tint``."""
+    bright = rng.normal(0.0, spread, (count, 1)) + rng.normal(0.0, spread / 3, (count, 3))
+    return np.asarray(np.exp(bright.clip(-0.5, 0.5)), np.float32)
+
+
+Density = Callable[[Array], Array]
+
+
+"""Share [0, 1] of the objects that are kept at positions (n, 2)."""
+
+
+FarSwarm = tuple[Swarm, Sequence[Mesh]]
+
+
+"""A swarm outside the world's edge, with its meshes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmSpec:
+    """Many small objects to spread over an area."""
+
+    name: str
+    kind: str
+    meshes: Sequence[Mesh]
+    per_m2: float
+    """Density before it is thinned."""
+    scales: tuple[float, float] = (0.8, 1.25)
+    tint: float = 0.1
+    """Spread of the brightness, see ``random_tint``."""
+    tilt: float = 0.0
+    """Share of the ground's slope by which they lean: 0 is upright, 1 at right angles to the ground."""
+    lean_deg: float = 0.0
+    """Standard deviation [deg] of a random lean, inside the world only."""
+    sink: float = 0.0
+    """Depth [m] below the ground, times the scale."""
+    clear: float = 0.0
+    """Distance [m] kept from obstacles and from the corridors' centre lines, inside the world only."""
+    aside: float = 0.0
+    """Distance [m] kept from the corridors' centre lines by stones that a robot cannot drive over."""
+
+
+def jittered_grid(
+    span: Array, per_m2: float, rng: np.random.Generator, density: Density | None = None, keep: Density | None = None
+) -> Array:
+    """Positions (n, 2) about the origin, stratified so that they neither clump nor line up.
+
+    One position is drawn uniformly in each cell of a grid over ``span`` (x, y) [m], in rows along y, then a number in
+    [0, 1) for each. Positions where ``keep`` is 0 and those whose number is not below ``density`` are dropped.
+    """
+    cells = np.maximum(1, np.round(span * np.sqrt(per_m2))).astype(int)
+    grid = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), axis=-1).reshape(-1, 2)
+    xy = (grid + rng.random(grid.shape)) / cells * span - span / 2
+    chance = rng.random(len(xy))
+    if keep is not None:
+        inside = keep(xy).astype(np.bool_)
+        xy, chance = xy[inside], chance[inside]
+    return np.asarray(xy if density is None else xy[chance < density(xy)])
+
+
+def random_scales(rng: np.random.Generator, scales: tuple[float, float], count: int) -> Array:
+    """Scales (count,) whose logarithm is uniform between those of the two ``scales``."""
+    return np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1]), count))
+
+
+def make_swarm(
+    name: str, kind: str, meshes: Sequence[Mesh], poses: Array, rng: np.random.Generator | None, *, tint: float = 0.1
+) -> Swarm:
+    """Assemble a swarm at poses (n, 4, 4); ``assemble`` sets its instance id when all objects are known.
+
+    Draws the mesh of each pose, then the tints. Without a generator meshes are used in turn, untinted.
+    """
+    n = len(poses)
+    if rng is None:
+        rows, tints = np.arange(n) % len(meshes), np.ones((n, 3), np.float32)
+    else:
+        rows, tints = rng.integers(len(meshes), size=n), random_tints(rng, tint, n)
+    return Swarm(
+        name=name,
+        kind=kind,
+        object_id=0,
+        meshes=tuple(mesh.name for mesh in meshes),
+        mesh=rows.astype(np.int32),
+        world_from_object=poses,
+        tint=tints,
+    )
+
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+
+
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
 
+
 Attempt = Callable[[Array, int, bool], Instance | None]
+
+
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
 

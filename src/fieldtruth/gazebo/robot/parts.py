@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import robot
@@ -58,7 +58,7 @@ def camera_pose(imager: Imager) -> tuple[float, ...]:
     """Pose in base_link (x, y, z [m], roll, pitch, yaw [rad]) of a camera whose x axis looks ahead, as Gazebo's do."""
     if np.array_equal(imager.frame_from_optical, OPTICAL):
         return mount_pose(imager.mount)
-    base_from_body = imager.base_from_optical @ frames.inverse(OPTICAL)
+    base_from_body = imager.base_from_optical @ transforms.inverse(OPTICAL)
     return (*imager.mount.xyz, *np.round(_rpy(base_from_body), 15).tolist())
 
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
@@ -110,7 +110,7 @@ def _camera_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
         imagers = camera.imagers()
         poses = [camera_pose(imager) for imager in imagers]
         middle = np.mean([pose[:3] for pose in poses], axis=0)
-        base_from_body = frames.pose((0.0, 0.0, 0.0), np.degrees(poses[0][3:]).tolist())
+        base_from_body = transforms.pose((0.0, 0.0, 0.0), np.degrees(poses[0][3:]).tolist())
         depth, width, height = _ZED2 if isinstance(camera, StereoConfig) else _CAMERA
         size = (depth, round(width + imagers[-1].baseline, 9), height)
         centre = np.round(middle - base_from_body[:3, 0] * depth / 2, 12).tolist()
@@ -126,10 +126,10 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     """Names of the sensors other than its ``owner`` that would see a shape of base_link, by points within it."""
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
-    points = frames.transform(frames.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
+    points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
     seen = {lidar.name: _hits(lidar, points) for lidar in rig.lidars if lidar != owner}
     seen |= {
-        imager.name: _shows(imager.config, frames.transform(frames.inverse(imager.base_from_optical), points))
+        imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
         for imager in rig.imagers
         if imager.config != owner
     }
@@ -137,7 +137,7 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
 
 
 def _hits(lidar: LidarConfig, points: Array) -> bool:
-    x, y, z = frames.transform(frames.inverse(lidar.mount.base_from_sensor), points).T
+    x, y, z = transforms.transform(transforms.inverse(lidar.mount.base_from_sensor), points).T
     angles, elevation = scan_angles(lidar), np.arctan2(z, np.hypot(x, y))
     within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
     return bool((within & (np.linalg.norm((x, y, z), axis=0) >= lidar.min_range)).any())

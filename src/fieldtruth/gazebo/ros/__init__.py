@@ -15,7 +15,7 @@ import fieldtruth
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.frames import xyzw_from_wxyz
+from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import DriveConfig, Experiment

@@ -19,9 +19,8 @@ from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
 from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, write_glb, write_obj
 from fieldtruth.gazebo.worlds.textures import texture_file, write_textures
 from fieldtruth.interchange import check_scene_memory
-from fieldtruth.interchange.surfaces import Surface
-from fieldtruth.interchange.swarms import tiles_of_swarms
-from fieldtruth.render.sky.daylight import sun_direction
+from fieldtruth.interchange.surfaces import Surface, tiles_of_swarms
+from fieldtruth.render.daylight import sun_direction
 from fieldtruth.world.model import World
 
 HEADING_DEG: Final = 90.0

@@ -13,8 +13,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.drive.bearing import HARD
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
-from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
+from fieldtruth.interchange.surfaces import Surface, beyond_edge, merged_swarms, mesh_surfaces
 from fieldtruth.world.model import LITTER, Collider, Mesh, Swarm, World
 
 SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})

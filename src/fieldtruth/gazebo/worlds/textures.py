@@ -5,9 +5,8 @@
 from collections.abc import Set
 from pathlib import Path
 
-from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.ground_image import ground_images
-from fieldtruth.interchange.images import encode_image, material_image
+from fieldtruth.interchange.ground import ground_images, ground_tiles
+from fieldtruth.interchange.surfaces import encode_image, material_image
 from fieldtruth.world.model import World
 
 

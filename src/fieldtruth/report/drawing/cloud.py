@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.report.drawing.images import downscaled
@@ -59,7 +59,7 @@ def draw_cloud(
     """
     wide, high = width * _OVERSAMPLING, height * _OVERSAMPLING
     focal = wide / 2 / np.tan(np.radians(fov_deg) / 2)
-    x, y, z = frames.transform(frames.inverse(world_from_optical), cloud.xyz).T
+    x, y, z = transforms.transform(transforms.inverse(world_from_optical), cloud.xyz).T
     visible = np.flatnonzero(z > _NEAR)
     order = visible[np.argsort(-z[visible], kind="stable")]  # near points are drawn last, over far ones
     x, y, z = x[order], y[order], z[order]

@@ -2,20 +2,67 @@
 # SPDX-License-Identifier: Apache-2.0
 """An HTML page about a run: one file that needs no network, no server and no other file."""
 
+import base64
+import hashlib
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import Final
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+import fieldtruth
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.report.page.content import collect_content
-from fieldtruth.report.page.render import render_page
+from fieldtruth.report.drawing.style import fixed
+from fieldtruth.report.page.content import PageContent, collect_content
+from fieldtruth.report.page.tables import ROWS
 
+_SCRIPTS: Final = ("page.js", "cloud.js")
 LARGEST_PAGE: Final = 15_000_000
 """Limit [byte] of a page, however long the run: number and size of all parts are bounded."""
+
+
+def render_page(content: PageContent) -> str:
+    """Return the page as HTML."""
+    scripts = [_source(name) for name in _SCRIPTS]
+    hashes = " ".join(f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'" for script in scripts)
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'"
+    environment = Environment(
+        loader=PackageLoader("fieldtruth.report.page", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"base64": _base64, "fixed": fixed}
+    return environment.get_template("page.html.jinja").render(
+        content=content,
+        run=content.run,
+        version=fieldtruth.__version__,
+        policy=policy,
+        max_rows=ROWS,
+        style=Markup(_source("style.css")),
+        scripts=[Markup(script) for script in scripts],
+        numbers={
+            "duration": content.run.duration_s * 1e3,
+            "curves": content.curve_values,
+            "path": content.map.positions if content.map else [],
+            "classes": {colour: name for name, colour in content.image_classes},
+        },
+    )
+
+
+def _source(name: str) -> str:
+    return resources.files("fieldtruth.report.page").joinpath(name).read_text(encoding="utf-8")
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()
 
 
 def write_report(

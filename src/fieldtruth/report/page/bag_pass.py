@@ -10,27 +10,57 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import points, tag_image
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import readings
 from fieldtruth.core.arrays import Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, counted
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.experiment.topic import Topic
-from fieldtruth.report.page.class_counts import count_pixels, count_points
-from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
-from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Row, Wheel
+from fieldtruth.kernels.counting import count_runs
+from fieldtruth.report.page.series import BUCKETS, CHANNELS, Collector, Fixes, Inertial, Lines, Motion, Row, Wheel
 
+_CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
 _OTHER_CHANNELS: Final = 9
 """Curves of motion and wheels."""
+
+
+def count_pixels(tag: Any) -> Counts:
+    """Count the pixels of a tag image message by class id (18,); row 0 counts colours that no class has.
+
+    Raises:
+        BagError: the image is not one in colour.
+    """
+    counts = np.zeros(len(CLASSES), np.int64)
+    count_runs(np.ascontiguousarray(tag_image(tag)).reshape(-1, 3), _CODES, counts)
+    return counts
+
+
+def count_points(cloud: Any) -> Counts:
+    """Count the points of a cloud message by class id (18,); row 0 counts points without a class."""
+    return np.bincount(class_ids(points(cloud)), minlength=len(CLASSES)).astype(np.int64)
+
+
+def class_ids(cloud: NDArray[np.void]) -> NDArray[np.uint8]:
+    """Class id of each point (n,) from ``label`` or, as in the paper, intensity; 0 if it is not a class id."""
+    names = cloud.dtype.names or ()
+    name = next((name for name in ("label", "intensity") if name in names), None)
+    if name is None or cloud[name].ndim != 1:
+        return np.zeros(len(cloud), np.uint8)
+    value = cloud[name]
+    known = (value >= 1) & (value < len(CLASSES)) & (value == np.floor(value))
+    ids: NDArray[np.uint8] = np.where(known, value, 0).astype(np.uint8)
+    return ids
 
 
 @dataclass

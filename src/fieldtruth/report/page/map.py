@@ -11,24 +11,63 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.bag.model_states import ROBOT, read_objects
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.errors import FieldtruthError, RouteError
+from fieldtruth.core.progress import Progress
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.report.drawing.aerial import Aerial
-from fieldtruth.report.drawing.geometry import arc, sector
+from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.images import jpeg_below
-from fieldtruth.report.drawing.text import TO, trimmed
+from fieldtruth.report.drawing.maps import Aerial, arc, render_aerial, sector
+from fieldtruth.report.drawing.style import TO, trimmed
 from fieldtruth.report.page.tables import CameraRow
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.build import world_of
+from fieldtruth.world.model import World
 
+WIDTH: Final = 1800
+"""Width of the view [pixel]."""
+_TOLERANCE: Final = 1e-3  # [m]
 PHOTO_BYTES: Final = 700_000
 VERTICES: Final = 1500
 _STEPS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # [m]
 _WIDTH: Final = 1000.0  # of a grid
 _FIELD_OF_VIEW: Final = 0.055  # radius of a field of view, as a share of the width
 _APART: Final = 2.6  # [% of the width]; closer marks become one
+
+
+def view_world(run: Run, progress: Progress) -> tuple[Aerial | None, str]:
+    """Render the world of a run from above, or explain why that is not possible.
+
+    Raises:
+        BagError: the bag is damaged.
+    """
+    if run.experiment is None:
+        return None, "The world cannot be rebuilt, because there is no experiment.yaml beside the bag."
+    try:
+        with progress.stage("build the world"):
+            world = world_of(run.experiment)
+    except FieldtruthError as error:
+        return None, f"The world cannot be rebuilt: {error}."
+    if not _same_objects(run, world):
+        return None, "This version of fieldtruth builds another world from experiment.yaml than the one in the bag."
+    with progress.stage("render the aerial view"):
+        return render_aerial(bake(Scene(world), run.experiment.light), WIDTH), ""
+
+
+def _same_objects(run: Run, world: World) -> bool:
+    """Whether the objects in the bag, if it has any, have the names and positions of the world's."""
+    names, poses = read_objects(run)
+    return not names or (
+        names == (ROBOT, *world.object_names[1:])
+        and all(
+            np.allclose(poses[each.object_id, :3], each.world_from_object[:3, 3], rtol=0.0, atol=_TOLERANCE)
+            for each in world.instances
+        )
+    )
 
 
 class Mark(NamedTuple):

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from fieldtruth.core.classes import CLASSES, SemanticClass
-from fieldtruth.report.drawing.style import HAIRLINE, INK, MUTED, PIXELS, POINTS, class_colour
-from fieldtruth.report.drawing.text import percent
+from fieldtruth.report.drawing.style import HAIRLINE, INK, MUTED, PIXELS, POINTS, class_colour, percent
 from fieldtruth.report.preview.paper import Paper
 from fieldtruth.report.shares import ClassShares
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
@@ -17,11 +17,11 @@ from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.report.drawing.aerial import Aerial, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud
+from fieldtruth.report.drawing.maps import Aerial, render_aerial
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense.robot_view import RobotView, robot_views
+from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
 from fieldtruth.sensors.lidar.sensing import IdealLidar
@@ -137,7 +137,7 @@ def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)
-        points = frames.transform(world_from_lidar, scan.xyz)
+        points = transforms.transform(world_from_lidar, scan.xyz)
         inside = (np.abs(points[:, :2]) < np.array(scene.world.size) / 2).all(axis=1)
         xyz.append(points[inside])
         label.append(scan.label[inside])

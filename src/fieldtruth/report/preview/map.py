@@ -10,8 +10,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.report.drawing.aerial import Aerial
-from fieldtruth.report.drawing.geometry import arc, distance_along, heading_of, sector
+from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
 from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES
 from fieldtruth.report.preview.content import Route, SheetContent, View
 

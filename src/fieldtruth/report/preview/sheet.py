@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
-from fieldtruth.report.drawing.geometry import distance_along
+from fieldtruth.report.drawing.maps import distance_along
 from fieldtruth.report.drawing.style import MUTED, PIXELS, POINTS
 from fieldtruth.report.preview.chart import draw_shares
 from fieldtruth.report.preview.content import SheetContent

@@ -6,10 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.rig.camchain import camchain_text
-from fieldtruth.report.rig.imu import imu_text
-from fieldtruth.report.rig.tree import sensor_table, tree_text
-from fieldtruth.report.rig.urdf import urdf_text
+from fieldtruth.report.rig.text import camchain_text, imu_text, sensor_table, tree_text, urdf_text
 
 FORMATS: Final[dict[str, Callable[[Rig], str]]] = {
     "tree": tree_text,

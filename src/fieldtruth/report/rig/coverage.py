@@ -7,13 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import body_parts
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
-from fieldtruth.report.rig import body
-from fieldtruth.sense.robot_rays import meet, part_table
+from fieldtruth.sense.robot import meet, part_table
 
 HALF: Final = 10.0
 """Distance [m] from base_link to the sides of the ground that is looked at."""
@@ -22,6 +21,11 @@ AZIMUTHS: Final = 720
 """Rays of a ring."""
 _ROUNDING: Final = 1e-9  # [rad], so that a beam's own points count
 _PIXELS: Final = 97  # rays along the longer side of an image, borders included
+
+
+def ground_height(rig: Rig) -> float:
+    """Height [m] of flat ground on which the robot stands."""
+    return rig.base_footprint.xyz[2]
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class SensorView:
 
         The field of view of a LiDAR has all elevations from its lowest to its highest beam.
         """
-        points = frames.transform(frames.inverse(self.base_from_sensor), points_base)
+        points = transforms.transform(transforms.inverse(self.base_from_sensor), points_base)
         distance = np.linalg.norm(points, axis=1)
         near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
         if isinstance(config, ScanningConfig):
@@ -136,7 +140,7 @@ def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverag
     """Look at flat ground, ``half`` [m] to each side, from all views of a rig."""
     axis = np.linspace(-half, half, 2 * round(half / step) + 1)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
-    points = np.column_stack([x, y, np.full(x.shape, body.ground_height(rig))])
+    points = np.column_stack([x, y, np.full(x.shape, ground_height(rig))])
     table = part_table(body_parts(rig))
     views, shape = sensor_views(rig), (len(axis), len(axis))
     in_view, hidden = np.zeros((2, len(views), *shape), np.bool_)

@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.sense.robot_view import robot_views
+from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
 from fieldtruth.sensors.camera.check_lens import pixel_ray
@@ -24,11 +24,10 @@ from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld, Sampler
 from fieldtruth.validation.kind_checks import KindChecks, Pass
-from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
-from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
-from fieldtruth.validation.sampler import Sampler
+from fieldtruth.validation.rays import NOTHING, UNKNOWN, RayReading, RayReference, close
+from fieldtruth.validation.world import ClassComparison, ObjectClasses
 
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
 JPEG: Final = Rule("photographs can be decoded")

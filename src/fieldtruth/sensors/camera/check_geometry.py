@@ -13,12 +13,11 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.sense.robot_view import robot_views
+from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.sampler import Sampler
+from fieldtruth.validation.context import Context, RebuiltWorld, Sampler
 
 UNIT: Final = Rule("normals are 32FC3, and of every pixel 1 or 0 long")
 SAME_NORMALS: Final = Rule("normals are those of the rebuilt world (sample)", 1e-3, "of an image's pixels")

@@ -10,13 +10,12 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.packets import new_packet
-from fieldtruth.sense.robot_rays import meet
-from fieldtruth.sense.robot_view import RobotView
+from fieldtruth.sense.robot import RobotView, meet
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
@@ -50,7 +49,7 @@ class FlowSensor:
         """
         height, width = depth.shape
         flow = np.empty((height, width, 2), np.float32)
-        moved = frames.inverse(world_from_next) @ world_from_optical
+        moved = transforms.inverse(world_from_next) @ world_from_optical
         own = np.zeros((1, 1), np.bool_) if of_robot is None else of_robot
         for top in range(0, height, _BAND):
             rows = slice(top, min(top + _BAND, height))
@@ -82,7 +81,7 @@ class FlowSensor:
 
 def _hide_behind_robot(points: FlowPoints, robot: RobotView, own: Mask) -> None:
     """Remove points of the world that the robot hides."""
-    base_from_optical = frames.inverse(robot.optical_from_base)
+    base_from_optical = transforms.inverse(robot.optical_from_base)
     length = np.linalg.norm(points.ray, axis=-1, keepdims=True)
     along = (points.ray / length).reshape(-1, 3) @ base_from_optical[:3, :3].T
     range_m = meet(robot.table, robot.eye, along).range_m.reshape(own.shape)

@@ -12,7 +12,7 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
-from fieldtruth.sense.robot_view import RobotView, hide_world
+from fieldtruth.sense.robot import RobotView, hide_world
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.flow import FlowSensor
 from fieldtruth.sensors.camera.pinhole import pinhole

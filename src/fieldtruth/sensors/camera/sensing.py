@@ -14,7 +14,7 @@ from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.robot import paint_robot
-from fieldtruth.sense.robot_view import RobotView, hide_world
+from fieldtruth.sense.robot import RobotView, hide_world
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.readings import Image
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.experiment.topic import Output
-from fieldtruth.sense.robot_rays import part_table
-from fieldtruth.sense.robot_view import RobotView, robot_view
+from fieldtruth.sense.robot import RobotView, part_table, robot_view
 from fieldtruth.sensors.camera import message
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import CameraImages

@@ -11,17 +11,24 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.kernels.camera_rays import View, label_image, trace
 from fieldtruth.kernels.packets import LabelBuffers
-from fieldtruth.kernels.photograph import STRIP, render_linear, render_mean, render_points, render_strips
+from fieldtruth.kernels.photograph import (
+    STRIP,
+    offsets_of,
+    render_linear,
+    render_mean,
+    render_points,
+    render_strips,
+    strips_of,
+)
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.shutter import offsets_of, strips_of
-from fieldtruth.sense.robot_view import RobotView
+from fieldtruth.sense.robot import RobotView
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
@@ -94,7 +101,7 @@ class Camera(IdealCamera):
         if self.config.signal is None:
             return super().render(world_from_optical, robot)
         imager = self.config.imagers()[0]
-        pose = world_from_optical @ frames.inverse(imager.base_from_optical)
+        pose = world_from_optical @ transforms.inverse(imager.base_from_optical)
         return self.capture(imager, 0, 0, standing_at(pose), robot)
 
     def capture(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.experiment.fields import Mount, Positive
 from fieldtruth.experiment.sensor_config import Section, SensorName, TopicName, part
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL, Imager
@@ -81,7 +81,7 @@ class StereoConfig(CameraConfig):
         return f"{super().figures()}{self.beside}"
 
     def _beside(self, share: float) -> Mount:
-        x, y, z = frames.transform(self.mount.base_from_sensor, [(0.0, share * self.baseline, 0.0)])[0].tolist()
+        x, y, z = transforms.transform(self.mount.base_from_sensor, [(0.0, share * self.baseline, 0.0)])[0].tolist()
         return Mount(xyz=(x, y, z), rpy_deg=self.mount.rpy_deg)
 
     def imagers(self) -> tuple[Imager, ...]:
@@ -104,7 +104,7 @@ class StereoConfig(CameraConfig):
 
 
 def _between(left: Mount, right: Mount) -> dict[str, Any]:
-    left_from_right = frames.inverse(left.base_from_sensor) @ right.base_from_sensor
+    left_from_right = transforms.inverse(left.base_from_sensor) @ right.base_from_sensor
     x, y, z = left_from_right[:3, 3]
     # CameraInfo describes only a baseline along the image rows; y points left.
     if not np.allclose(left_from_right[:3, :3], np.eye(3), atol=1e-9) or abs(x) > 1e-9 or abs(z) > 1e-9 or y >= 0:

@@ -5,7 +5,7 @@
 Garg and Nayar, "Vision and Rain" (Int. J. Computer Vision 75, 2007): a drop is before a pixel for a part of the
 exposure only, so its streak is as long as it falls in that time, and the more transparent the longer it is; it has the
 mean light of all that it refracts, 165 deg of the scene, of which 94 % pass. Its size is distributed as extinction and
-LiDARs have it (``sense.drops``). What is smaller or farther than what is drawn is part of the air's extinction.
+LiDARs have it (``sense.air``). What is smaller or farther than what is drawn is part of the air's extinction.
 """
 
 from typing import Final, NamedTuple
@@ -17,7 +17,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.camera import draw_streaks
 from fieldtruth.kernels.light import EXPOSURE, Shading
-from fieldtruth.sense.drops import Drops, rain, snow
+from fieldtruth.sense.air import Drops, rain, snow
 
 DROP_LIGHT: Final = 0.94
 """Share of the light through a drop (Garg and Nayar 2007)."""

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames, geodesy
+from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
@@ -51,7 +51,7 @@ class Gnss(Checker):
         self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
 
     def _compare(self, raw: RawMessage, fix: Array) -> None:
-        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
+        antenna = transforms.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
         valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
         position = geodesy.world_from_geodetic(fix) if valid else fix * np.nan
         self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
@@ -90,7 +90,7 @@ class Fixes(Checker):
             self._tally[TYPICAL].see(_MEAN[0] <= mean <= _MEAN[1], text)
 
     def _compare(self, raw: RawMessage, fix: Array, covariance: Array) -> None:
-        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
+        antenna = transforms.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
         north, west, up = geodesy.world_from_geodetic(fix) - antenna
         error = np.array([-west, north, up])
         if self._exact[raw.topic]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.sensors.imu.check_noise import IMU_NOISE, ImuNoise
@@ -57,8 +57,8 @@ class Imu(Checker):
         if not abs(np.linalg.norm(measured) - 1.0) < 1e-6:
             tally[ATTITUDE].measure(np.nan, f"{at(raw)}: not a unit quaternion")
             return
-        world_from_imu = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz) @ base_from_imu[:3, :3]
-        turn = world_from_imu.T @ frames.rotation_from_quaternion_wxyz(measured)
+        world_from_imu = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz) @ base_from_imu[:3, :3]
+        turn = world_from_imu.T @ transforms.rotation_from_quaternion_wxyz(measured)
         # The off-diagonal elements are the small angle; the trace would lose half of the digits.
         tally[ATTITUDE].measure(float(np.abs(turn - np.eye(3)).max()), at(raw))
         motion, end = self._motion.motion, max(raw.stamp_ns, 2 * STEP_NS)

@@ -18,9 +18,8 @@ from fieldtruth.experiment.sensor_config import TRUTH
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import BOTTOM, FLICKER_TIMES_S, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
-from fieldtruth.validation.check import Rule, Spec
+from fieldtruth.validation.check import SIGMAS, Rule, Spec, see_normal
 from fieldtruth.validation.context import Checker, Context
-from fieldtruth.validation.motion.clocks import SIGMAS, see_normal
 
 RANGE: Final = Rule("readings of an IMU are within its range, in steps of its resolution")
 BIAS: Final = Rule("the bias has the order of the experiment's", SIGMAS, "deviations")

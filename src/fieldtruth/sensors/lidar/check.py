@@ -21,13 +21,12 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, Pass
+from fieldtruth.validation.rays import RayReading, RayReference, close
 from fieldtruth.validation.retrace.dense_cloud import DenseCloud
 from fieldtruth.validation.retrace.noisy_clouds import NOISE, NoiseTally, ideal_points, layout_of, noisy, rays_at
-from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
-from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
-from fieldtruth.validation.sampler import Sampler
+from fieldtruth.validation.world import N_CLASSES, ClassComparison, ObjectClasses
 
 LAYOUT: Final = Rule("clouds have the fields of this package's points")
 FINITE: Final = Rule("points are finite")

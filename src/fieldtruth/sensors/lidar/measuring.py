@@ -15,7 +15,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.lidar import EchoBuffers, Scan, trace_echoes, trace_surfaces
 from fieldtruth.kernels.lidar_noise import Reading, measure
 from fieldtruth.kernels.packets import new_packet
-from fieldtruth.sense.robot_scan import RobotScan
+from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of

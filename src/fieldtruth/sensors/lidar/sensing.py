@@ -11,7 +11,7 @@ from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.kernels.lidar import Beams, Scan, collect_returns, trace_beams
 from fieldtruth.kernels.packets import LabelBuffers, new_packet
-from fieldtruth.sense.robot_scan import RobotScan
+from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.beams import ray_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig

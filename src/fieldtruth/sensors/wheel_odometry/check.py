@@ -15,7 +15,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import JOINTS, WHEEL_FRAMES, wheel_transforms
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.sensors.wheel_odometry.check_noise import WHEEL_NOISE, WheelNoise
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
@@ -131,7 +131,7 @@ class Wheels(Checker):
 
     def _compare(self, raw: RawMessage, speeds: Array) -> None:
         state, wheels = self._motion.state(raw.stamp_ns), self._wheels
-        base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
+        base_from_world = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
         ahead = float((base_from_world @ state.linear_velocity)[0])
         turn = float((base_from_world @ state.angular_velocity)[2])
         sides = [speeds[side::2] * wheels.radius for side in (0, 1)]

@@ -11,9 +11,8 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.sensor_config import TRUTH
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
-from fieldtruth.validation.check import Rule, Spec
+from fieldtruth.validation.check import SIGMAS, Rule, Spec
 from fieldtruth.validation.context import Checker, Context
-from fieldtruth.validation.motion.clocks import SIGMAS
 
 COUNTS: Final = Rule("angles of the wheels are whole counts of their encoders", 1e-6, "counts")
 RADII: Final = Rule("wheels turn by what their radii make of the true angles", SIGMAS, "deviations")

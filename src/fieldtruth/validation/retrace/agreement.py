@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Context
+from fieldtruth.validation.context import Context, Sampler
 from fieldtruth.validation.retrace.noisy_clouds import ideal_points, rays_at
-from fieldtruth.validation.sampler import Sampler
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048; in 446 views of pairs of sensors that are
 # 0.05 to 1.5 m apart, 0.15 to 1.6 m above base_link, up to 0.006 for objects, 0.010 in front, and 0.9 behind.
@@ -101,7 +100,7 @@ class Agreement(CameraFrameChecker):
             base_from_lidar = self.context.frames.base_from(cloud.header.frame_id)
         except FieldtruthError:
             return
-        optical_from_lidar, k = frames.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
+        optical_from_lidar, k = transforms.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
         lowest = min(base_from_optical[2, 3], base_from_lidar[2, 3]) - self.context.rig.base_footprint.xyz[2]
         neighbours = bool(np.linalg.norm(optical_from_lidar[:3, 3]) < _APART and lowest > _ABOVE)
         if not neighbours and "depth" not in frame.parts:
@@ -166,7 +165,7 @@ def _projected(
 ) -> tuple[Array, Array, Array, NDArray[np.intp]]:
     """Image point (u, v) [pixel], depth [m] and row of the points that fall into an image, 3 pixels inside."""
     with np.errstate(invalid="ignore"):
-        xyz = frames.transform(optical_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=-1))
+        xyz = transforms.transform(optical_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=-1))
         ahead = np.flatnonzero(np.isfinite(xyz).all(axis=1) & (xyz[:, 2] > _NEAR))
     x, y, z = xyz[ahead].T
     u, v = k[0, 2] + k[0, 0] * x / z, k[1, 2] + k[1, 1] * y / z

@@ -11,10 +11,9 @@ from pydantic import Field, field_validator, model_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
-from fieldtruth.world.grids import BUILT_IN, coarseness
-from fieldtruth.world.ground_types import ISO_CLASSES, Roughness, roughness_of
-from fieldtruth.world.seasons.table import SUMMER, USUAL, seasons
-from fieldtruth.world.trails import Line
+from fieldtruth.world.grids import BUILT_IN, Line, coarseness
+from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
+from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 
 HILLS: Final = 0.2
 """Spacing [m] of the grid on which an environment shapes its hills; microrelief is added on that of the terrain."""

@@ -9,17 +9,25 @@ set by eye. Leaves have their real size.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Final, Literal
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
+from pydantic import Field
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
+from fieldtruth.world.library import Entry, Library, validated
 
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 
+
 GrownIn = Literal["open", "stand", "exposed"]
+
+
 """Where a tree grew up: in the open, in a forest stand, or on a windy, stony slope."""
+
 
 _OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
@@ -174,3 +182,256 @@ class Species:
         if self.young is not None and height < self.young_below:
             return self.young
         return self.stand if grown_in == "stand" and self.stand is not None else self.grown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaves:
+    """Leaves or spikelets along a blade or stalk; sizes [m] hold at the species' mean height."""
+
+    kind: Literal["leaves"] = "leaves"
+    material: str
+    number: int  # on each stalk
+    length: float
+    width: float
+    start: float  # position of the lowest, fraction of the stalk
+    end: float = 1.0  # position of the highest
+    angle: float = 60.0  # [deg] from the stalk
+    droop: float = 0.3  # weight of "down" in their direction
+    arrangement: Literal["spiral", "pairs", "one side"] = "spiral"
+    smallest: float = 0.5  # length of the highest relative to the lowest
+    widest: float = 0.35  # position of the greatest width, fraction of the length
+    broad: bool = False  # six triangles instead of two
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frond:
+    """Pinnae that make a blade a fern's frond."""
+
+    kind: Literal["frond"] = "frond"
+    material: str
+    pairs: int
+    length: float  # of the longest pinna, relative to the frond's
+    start: float = 0.16  # position of the lowest pair, fraction of the frond
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flower:
+    """A disc at the tip of a stalk."""
+
+    kind: Literal["flower"] = "flower"
+    material: str
+    radius: float  # [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spike:
+    """A spindle about a stalk."""
+
+    kind: Literal["spike"] = "spike"
+    material: str
+    radius: float  # [m]
+    start: float  # fraction of the stalk
+    end: float
+
+
+Organ = Annotated[Leaves | Frond | Flower | Spike, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blades:
+    """One kind of blades or stalks in a tuft; pairs of numbers are least and most."""
+
+    material: str
+    number: int
+    length: tuple[float, float]  # along the midrib, relative to other kinds
+    width: float  # [m] greatest, at the species' mean height
+    lean: tuple[float, float]  # [deg] from vertical at the root, in the middle and at the rim of the tuft
+    bend: tuple[float, float]  # [deg] by which the tip leans further than the root
+    drift: float = 25.0  # [deg] standard deviation of the sweep to the side from root to tip
+    roll: float = 40.0  # [deg] standard deviation of the turn about the midrib
+    twist: float = 60.0  # [deg] standard deviation of the further turn from root to tip
+    rim: float = 1.0  # radius, relative to the tuft's, within which they root
+    kite: bool = False  # two triangles instead of six, for thin or short blades
+    organs: tuple[Organ, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrassSpecies:
+    """A species of grass or herb."""
+
+    name: str
+    latin: str
+    height: tuple[float, float]  # [m] usual range
+    radius: float  # [m] of the disc that a tuft roots in, at the mean height
+    lopsided: float = 0.5  # weight of the direction in which a whole tuft leans, against 1 for outwards
+    blades: tuple[Blades, ...]
+
+    def __str__(self) -> str:
+        return self.name
+
+
+SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
+
+
+FINE_LEAVES: Final = 0.45  # detail below which a leaf is a kite
+
+
+SIMPLE_LEAVES: Final = 0.2  # detail below which it is a triangle, and there are twice as many
+
+
+def individual(habit: Habit, rng: np.random.Generator) -> Habit:
+    """The habit of one individual, with random crown base, density, curvature and asymmetry."""
+    first, *others = habit.orders
+    steeper = float(rng.normal(0, 4))
+    first = replace(
+        first,
+        length=first.length * float(np.exp(np.clip(rng.normal(0, 0.1), -0.15, 0.15))),
+        angle=(first.angle[0] + steeper, first.angle[1] + 0.5 * steeper),
+    )
+    return replace(
+        habit,
+        trunk_radius=habit.trunk_radius * float(rng.uniform(0.88, 1.12)),
+        crown_base=habit.crown_base * float(rng.uniform(0.85, 1.15)),
+        lopsided=habit.lopsided * float(rng.uniform(0.5, 1.6)),
+        trunk_wander=habit.trunk_wander * float(rng.uniform(0.5, 1.4)),
+        leaf=replace(habit.leaf, number=round(habit.leaf.number * float(rng.uniform(*habit.vigour)))),
+        orders=(first, *others),
+    )
+
+
+def in_stand(habit: Habit, stand: Stand) -> Habit:
+    """The habit of a tree that grew up in a forest stand.
+
+    Light comes through gaps between the neighbours, so crowns are more one-sided than in the open.
+    """
+    first, *others = habit.orders
+    return replace(
+        habit,
+        height=stand.height,
+        trunk_radius=habit.trunk_radius * stand.slim,
+        trunk_taper=stand.taper,
+        leader=max(habit.leader, 0.93),
+        clear=stand.clear,
+        crown_base=stand.crown_base,
+        lopsided=1.6 * habit.lopsided,
+        dead_limbs=habit.dead_limbs + 0.05 if stand.dead_limbs is None else stand.dead_limbs,
+        dead=habit.dead if stand.dead is None else stand.dead,
+        trunk_wander=0.7 * habit.trunk_wander if stand.trunk_wander is None else stand.trunk_wander,
+        flare=0.8 * habit.flare,
+        vigour=(0.75, 1.0),
+        leaf=replace(habit.leaf, number=round(stand.leaves * habit.leaf.number)),
+        orders=(
+            replace(first, length=stand.reach * first.length, angle=(0.85 * first.angle[0], first.angle[1])),
+            *others,
+        ),
+    )
+
+
+def at_detail(habit: Habit, detail: float) -> Habit:
+    """The habit to draw with: about ``detail`` times the triangles of leaves, which are larger, of the same total area.
+
+    Stems get fewer sides and segments, trunk and limbs only below a detail of 0.4, and most of the thinnest twigs have
+    leaves but no surface. What grows is the same at each detail.
+    """
+    *others, last = habit.orders
+    thick = min(1.0, 2.5 * detail)
+    middle = [_coarser(order, detail, min(1.0, 2.5 * detail**0.7)) for order in others[1:]]
+    return replace(
+        habit,
+        trunk_sides=max(5, round(habit.trunk_sides * thick**0.3)),
+        trunk_segments=max(6, round(habit.trunk_segments * thick**0.3)),
+        leaf=_fewer(habit.leaf, detail),
+        orders=(_coarser(others[0], thick, 1.0), *middle, _coarser(last, detail, detail if detail > 0.12 else 0.0)),
+        dead=None if habit.dead is None else _coarser(habit.dead, detail, min(1.0, 1.5 * detail**0.5)),
+    )
+
+
+def _fewer(leaf: Leaf, detail: float) -> Leaf:
+    """Fewer leaves with the same total area."""
+    share = leaf_share(leaf, detail)
+    simple = not leaf.prongs and detail < SIMPLE_LEAVES
+    prongs = 1 if simple else leaf.prongs
+    coarse = replace(leaf, rounded=leaf.rounded and detail > FINE_LEAVES, prongs=prongs)
+    growth = np.sqrt(outline_area(leaf) / outline_area(coarse) / share)
+    number = max(1, round(leaf.number * share))
+    return replace(coarse, number=number, length=leaf.length * float(growth), stands_for=1 / share)
+
+
+def leaf_share(leaf: Leaf, detail: float) -> float:
+    """Share of the leaves that there are with a detail."""
+    return detail if leaf.prongs or detail >= SIMPLE_LEAVES else 2 * detail
+
+
+def _coarser(order: Order, detail: float, drawn: float) -> Order:
+    return replace(
+        order,
+        segments=max(1, round(order.segments * detail**0.3)),
+        sides=max(3, round(order.sides * detail**0.25)),
+        drawn=order.drawn * drawn,
+    )
+
+
+def outline_corners(leaf: Leaf) -> list[tuple[float, float]]:
+    """Corners of the blade's left half between base and tip: (along the midrib, half width / width)."""
+    if not leaf.rounded:
+        return [(leaf.widest, 0.5)]
+    return [(0.5 * leaf.widest, 0.4), (leaf.widest + 0.3 * (1 - leaf.widest), 0.46)]
+
+
+def outline_area(leaf: Leaf) -> float:
+    """Area of a leaf relative to length times width, unfolded; the width of a spray is that of one prong."""
+    if leaf.prongs:
+        return 0.5 * (1 + SIDE_PRONG * (leaf.prongs - 1))
+    along, half = np.array([(0.0, 0.0), *outline_corners(leaf), (1.0, 0.0)]).T
+    return float(np.sum(np.diff(along) * (half[:-1] + half[1:])))
+
+
+def _species(name: str, content: Entry, path: Path) -> Species:
+    values = {"name": name, **content}
+    stand = values.pop("stand", None)
+    for form in ("young", "exposed"):
+        if form in values:
+            values[form] = _merged(values.get("grown"), values[form])
+    species = validated(Species, values, str(path))
+    if stand is None:
+        return species
+    return replace(species, stand=in_stand(species.grown, validated(Stand, stand, f"{path}: stand")))
+
+
+def _merged(base: Any, changes: Any) -> Any:
+    """``base`` with ``changes``: mappings key by key, lists of mappings item by item and as long as the changes."""
+    if isinstance(base, Mapping) and isinstance(changes, Mapping):
+        return {**base, **{key: _merged(base.get(key), value) for key, value in changes.items()}}
+    if isinstance(base, list) and isinstance(changes, list) and all(isinstance(item, Mapping) for item in changes):
+        return [_merged(base[k] if k < len(base) else None, item) for k, item in enumerate(changes)]
+    return changes
+
+
+def _grass(name: str, content: Entry, path: Path) -> GrassSpecies:
+    return validated(GrassSpecies, {"name": name, **content}, str(path))
+
+
+def _materials(species: Species) -> list[str | None]:
+    return [species.wood, species.foliage, species.upper_wood, species.bloom]
+
+
+def _grass_materials(species: GrassSpecies) -> list[str | None]:
+    return [part.material for blades in species.blades for part in (blades, *blades.organs)]
+
+
+TREES: Final = Library("trees", _species, _materials)
+
+
+"""Trees by name."""
+
+
+BUSHES: Final = Library("bushes", _species, _materials)
+
+
+"""Bushes by name."""
+
+
+GRASSES: Final = Library("grasses", _grass, _grass_materials)
+
+
+"""Grasses and herbs by name, class high grass."""

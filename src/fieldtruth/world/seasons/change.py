@@ -5,20 +5,53 @@
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material, Mesh, Swarm, World
-from fieldtruth.world.plants import BUSHES, TREES
-from fieldtruth.world.seasons.flowers import spring_flowers
-from fieldtruth.world.seasons.foliage import in_season as mesh_in_season
-from fieldtruth.world.seasons.foliage import twigs_of, variant
-from fieldtruth.world.seasons.leaf_fall import lay_leaves, leaf_falls, strewn
+from fieldtruth.world.placement import make_swarm, random_scales, upright_poses
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_clump
+from fieldtruth.world.seasons import SUMMER, USUAL, Change, changes, tinted
+from fieldtruth.world.seasons.leaves import COLOUR, lay_leaves, leaf_falls, strewn, twigs_of, variant
+from fieldtruth.world.seasons.leaves import in_season as mesh_in_season
 from fieldtruth.world.seasons.snow import snowed_in
-from fieldtruth.world.seasons.table import SUMMER, USUAL, Change, changes, tinted
-from fieldtruth.world.seasons.twigs import COLOUR
 from fieldtruth.world.textures import make_texture
+
+WHERE: Final = ("fern", "herb", "seedling")
+
+
+"""Kinds of swarms beside whose members they grow."""
+
+
+NEAR: Final = 0.7
+
+
+"""Standard deviation [m] of the distance along x and along y."""
+
+
+OFF_TRAIL: Final = 0.3  # [m]
+
+
+def spring_flowers(world: World) -> tuple[Swarm, list[Mesh]] | None:
+    """Clumps of anemones; None where nothing grows that they grow beside."""
+    poses = [swarm.world_from_object for swarm in world.swarms if swarm.kind in WHERE]
+    if not poses:
+        return None
+    rng = np.random.default_rng([world.seed, 43])
+    xy = np.concatenate(poses)[:, :2, 3]
+    xy = xy + rng.normal(0, NEAR, xy.shape)
+    inside = (np.abs(xy) < np.array(world.size) / 2 - 0.5).all(axis=1)
+    xy = xy[inside & (world.terrain.trail_distance.at(*xy.T) > OFF_TRAIL)]
+    meshes = [
+        grow_clump({GRASSES["anemone"]: 1.0}, name=f"anemones_{k}", radius=0.35, per_m2=16.0, rng=rng, size=0.5)
+        for k in range(4)
+    ]
+    poses_here = upright_poses(xy, rng.uniform(0, 2 * np.pi, len(xy)), random_scales(rng, (0.8, 1.2), len(xy)))
+    poses_here[:, 2, 3] = world.terrain.field.height_at(*xy.T)
+    return make_swarm("anemones", "flower", meshes, poses_here, rng), meshes
+
 
 FLOWERS_IN = "spring"
 

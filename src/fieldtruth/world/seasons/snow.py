@@ -14,9 +14,8 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.world.grids import grid_axes, make_raster
+from fieldtruth.world.grids import fractal_noise, grid_axes, make_raster
 from fieldtruth.world.model import Mesh, Raster, Terrain, World
-from fieldtruth.world.noise import fractal_noise
 
 DRIFT: Final = 0.2
 """Standard deviation of the depth in the open relative to its mean, at most twice that from it."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
-from fieldtruth.world.textures import barks, far, ground, leaves, rocks, wild, woods, works  # noqa: F401  (register drawings)
+from fieldtruth.world.textures import ground, plants, rocks  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
 
 

@@ -23,7 +23,6 @@ Tones = Sequence[Tone]
 Drawing = Callable[..., Image]
 """Takes a random generator and the parameters of a texture's data entry as keywords; gives linear light (n, n, 3), or
 (n, n, 4) with heights 0 to 1."""
-
 DRAWINGS: Final[dict[str, Drawing]] = {}
 """Functions that draw textures, by name."""
 

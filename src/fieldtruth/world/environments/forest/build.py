@@ -2,23 +2,303 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dense forest (paper, 2.2.3): trees on uneven ground, two trails, high grass, stones, bushes, fallen trunks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
 
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import make_backdrop
-from fieldtruth.world.environments.forest.beyond import canopy, far_cover, scatter_far_trees
 from fieldtruth.world.environments.forest.config import Config
-from fieldtruth.world.environments.forest.deadwood import place_deadwood
-from fieldtruth.world.environments.forest.ground import cover_ground, make_glades, make_heights, raise_roots
-from fieldtruth.world.environments.forest.plants import plant_bushes, plant_herbs, plant_trees
-from fieldtruth.world.environments.forest.rocks import place_rocks
-from fieldtruth.world.environments.forest.understorey import plant_understorey
-from fieldtruth.world.ground_layer import with_layer
-from fieldtruth.world.model import World
-from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line, make_trails
+from fieldtruth.world.environments.forest.plants import (
+    canopy,
+    far_cover,
+    plant_bushes,
+    plant_herbs,
+    plant_trees,
+    plant_understorey,
+    scatter_far_trees,
+)
+from fieldtruth.world.environments.layout import HILLS, hills_spacing
+from fieldtruth.world.grids import (
+    COVER,
+    Line,
+    Trail,
+    coarseness,
+    fractal_noise,
+    grid_axes,
+    make_heightfield,
+    make_raster,
+    make_trails,
+    signed_distance,
+)
+from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
+from fieldtruth.world.placement import (
+    ObjectGroup,
+    SwarmSpec,
+    WorldBuilder,
+    place_until_count,
+    random_tint,
+    rotations_to,
+)
+from fieldtruth.world.plants import TREES, clearance_circles, grow_log, grow_snag, grow_stump
+from fieldtruth.world.relief import (
+    Axes,
+    limit_slope,
+    pits_and_mounds,
+    root_swells,
+    slope_limit,
+    with_layer,
+    with_microrelief,
+)
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
+
+CONIFERS = ("spruce", "pine")
+
+
+BROADLEAVES = ("beech", "birch", "oak")
+
+
+UPROOTED: Final = 0.006
+
+
+"""Density [1/m^2] of pits and mounds."""
+
+
+OFF_TRAIL: Final = 3.0
+
+
+"""Distance [m] of pits and mounds from a trail's edge."""
+
+
+RUT_OFF_CENTRE, RUT_WIDTH, RUT_DEPTH = 0.55, 0.12, 0.035
+
+
+"""Distance [m] of ruts from a trail's centre line, the deviation of their Gaussian profile, and mean depth."""
+
+
+ROOTS: Final = 0.1
+
+
+"""Largest spacing [m] of the terrain's nodes on which roots can be seen."""
+
+
+def make_heights(
+    config: Config, trails: Sequence[Trail], rng: np.random.Generator, fine_rng: np.random.Generator
+) -> Heightfield:
+    """Swells, hollows, and the pits and mounds of uprooted trees; trodden flat along the trails."""
+    spacing = hills_spacing(config.size)
+    (x, y), fine = grid_axes(config.size, spacing), grid_axes(config.size, config.grid)
+    swell = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.45)
+    off_trail = signed_distance(trails, x, y).astype(np.float64)
+    heights = config.relief * swell + _uprooted((x, y), spacing, off_trail, rng)
+    on_trail = 1.0 / (1.0 + np.exp((off_trail - 0.5) / 0.35))
+    trodden = gaussian_filter(heights, 1.2 / spacing) - 0.05
+    heights = heights * (1.0 - on_trail) + trodden * on_trail
+    heights = limit_slope(heights, spacing, slope_limit(off_trail, within=10.0, beyond=32.0, near=0.6, far=5.0))
+    bare = np.clip(0.5 - off_trail / 0.4, 0.0, 1.0)
+    cover = [(config.roughness_of("trodden_earth"), bare), (config.roughness_of("forest_floor"), 1.0 - bare)]
+    heights += _ruts((x, y), np.abs(off_trail + config.trail_width / 2), RUT_WIDTH * (spacing / HILLS), fine_rng)
+    heights = with_microrelief(heights - heights.mean(), (x, y), fine, cover, fine_rng)
+    return make_heightfield(heights, config.grid, *fine)
+
+
+def _uprooted(nodes: Axes, spacing: float, off_trail: Array, rng: np.random.Generator) -> Array:
+    """Heights [m] of pits and mounds that are ``UPROOTED`` per m^2, off the trails."""
+    count = round(UPROOTED * float(np.prod([np.ptp(axis) for axis in nodes])))
+    positions = rng.uniform([axis[0] for axis in nodes], [axis[-1] for axis in nodes], (count, 2))
+    apart = make_raster(off_trail, spacing, *nodes).at(*positions.T) > OFF_TRAIL
+    return pits_and_mounds(*nodes, positions[apart], rng)
+
+
+def _ruts(nodes: Axes, off_centre: Array, width: float, rng: np.random.Generator) -> Array:
+    """Heights [m] of two ruts along each trail, deep in parts and elsewhere worn away; shallower if they are wide."""
+    depth = RUT_DEPTH * np.clip(0.5 + 0.6 * fractal_noise(*nodes, wavelength=9.0, octaves=2, rng=rng), 0.0, 1.4)
+    depth *= RUT_WIDTH / width
+    return np.asarray(-depth * np.exp(-0.5 * ((off_centre - RUT_OFF_CENTRE) / width) ** 2))
+
+
+def raise_roots(builder: WorldBuilder, rng: np.random.Generator) -> None:
+    """Raise the ground over the roots of the trees, snags and stumps, on trails as in the litter.
+
+    Roots are narrower than the nodes of a coarse terrain; there is only the swell about a trunk.
+    """
+    field = builder.field
+    trunks = []
+    for instance in builder.instances:
+        if instance.kind in (*CONIFERS, *BROADLEAVES, "snag", "stump"):
+            trunk = builder.meshes[instance.mesh].colliders[0]
+            scale = float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
+            trunks.append((*instance.world_from_object[:2, 3], scale * trunk.size[0]))
+    x, y = grid_axes(builder.size, field.spacing)
+    heights = field.heights + root_swells(x, y, trunks, rng if field.spacing <= ROOTS else None).astype(np.float32)
+    builder.field = replace(field, heights=heights)
+
+
+def make_glades(size: tuple[float, float], rng: np.random.Generator) -> Raster:
+    """Light on the forest floor, about 0 on average: high in glades, low in shade."""
+    x, y = grid_axes(size, 0.5)
+    return make_raster(fractal_noise(x, y, wavelength=13.0, octaves=3, rng=rng), 0.5, x, y)
+
+
+def cover_ground(builder: WorldBuilder, glades: Raster, rng: np.random.Generator) -> Terrain:
+    """Needles below conifers, leaves below broadleaved trees, moss in patches, humus in between."""
+    x, y = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
+    px, py = np.meshgrid(x, y, indexing="ij")
+    distance = signed_distance(builder.trails, x, y)
+    fine = fractal_noise(x, y, wavelength=1.3, octaves=3, rng=rng, gain=0.7)
+    patch = fractal_noise(x, y, wavelength=7.0, octaves=4, rng=rng, gain=0.6)
+    conifers, broad = (_crown_share(builder, (x, y), cell, species) for species in (CONIFERS, BROADLEAVES))
+    leaves = np.clip(0.5 + 0.55 * (broad - conifers) + 0.22 * patch, 0.05, 0.95)
+    moss = np.clip(0.25 * patch + 0.3 * fine - 0.18 * glades.at(px, py) - 0.12, 0.0, 0.9) * (distance > 0.2)
+    soil = np.clip(0.22 - 0.25 * patch + 0.2 * fine, 0.0, 0.5)
+    rest = (1.0 - moss) * (1.0 - soil)
+    cover = np.stack([rest * (1.0 - leaves), rest * leaves, moss, (1.0 - moss) * soil], axis=-1)
+    ragged = distance + 0.16 * fine + 0.1 * patch
+    return Terrain(
+        field=builder.field,
+        trail_distance=make_raster(ragged, cell, x, y),
+        cover=make_raster(cover, cell, x, y),
+        ground_materials=("needles", "litter", "moss", "soil"),
+        trail_material="path",
+        border_material="path_edge",
+        border_width=0.22,
+    )
+
+
+def _crown_share(builder: WorldBuilder, nodes: Axes, spacing: float, species: Sequence[str]) -> Array:
+    """Share (nx, ny) in [0, 1] to which nodes are below crowns of some species."""
+    x, y = nodes
+    step = max(1, round(0.5 / spacing))
+    cell = step * spacing
+    marks = np.zeros((len(x[::step]), len(y[::step])))
+    for instance in builder.instances:
+        if instance.kind in species:
+            i, j = np.round((instance.world_from_object[:2, 3] - (x[0], y[0])) / cell).astype(int)
+            marks[i, j] += 1.0
+    spread = gaussian_filter(marks, 1.6 / cell) * (15.0 / cell**2)
+    coarse = make_raster(np.clip(spread, 0, 1), cell, x, y)
+    return coarse.at(*np.meshgrid(x, y, indexing="ij"))
+
+
+GROUPS: Final = 14 / 5000  # per m^2
+
+
+def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
+    """Add field stones with colliders and a swarm of small stones."""
+    groups = cKDTree(builder.random_positions(round(builder.size[0] * builder.size[1] * GROUPS), rng))
+
+    def near_centres(xy: Array) -> Array:
+        away, _ = groups.query(xy)
+        return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (builder.trail_distance(xy) > 0.3))
+
+    fieldstone = ROCK_TYPES["fieldstone"]
+    rocks = [
+        make_rock(fieldstone, name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
+        for k, size in enumerate(np.geomspace(0.35, 1.5, 8))
+    ]
+    group = ObjectGroup(kind="rock", meshes=rocks, count=config.rocks, spacing=0.6, scales=(0.85, 1.2), tint=0.08)
+    scatter_rocks(builder, group, rng, near_centres)
+    stones = [
+        make_rock(fieldstone, name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
+        for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
+    ]
+    spec = SwarmSpec(
+        name="small_stones",
+        kind="stone",
+        meshes=stones,
+        per_m2=config.stones_per_m2 * 3,
+        scales=(0.7, 1.3),
+        tint=0.12,
+        tilt=1.0,
+        clear=0.45,
+        aside=1.15,
+    )
+    builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))
+
+
+LOG_TRIES = 400
+
+
+def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
+    """Lay fallen trunks off the trails; stand snags and stumps between the trees."""
+
+    def off_trails(xy: Array) -> Mask:
+        return builder.trail_distance(xy) > 0.5
+
+    trees = [TREES[name] for name in config.species]
+    logs = [
+        grow_log(
+            trees[k % len(trees)],
+            name=f"log_{k}",
+            length=float(rng.uniform(3.0, 10.0)),
+            radius=float(rng.uniform(0.1, 0.21)),
+            rng=rng,
+            detail=0.6,
+        )
+        for k in range(min(config.fallen_trunks, 8))
+    ]
+    for k in range(config.fallen_trunks):
+        _lay_log(builder, logs[k % len(logs)], rng)
+    snags = [
+        grow_snag(trees[k % len(trees)], name=f"snag_{k}", height=float(rng.uniform(2.5, 13.0)), rng=rng, detail=0.5)
+        for k in range(min(config.snags, 8))
+    ]
+    group = ObjectGroup(kind="snag", meshes=snags, count=config.snags, spacing=5.0, tint=0.1)
+    builder.scatter(group, rng, off_trails)
+    stumps = [
+        grow_stump(trees[k % len(trees)], name=f"stump_{k}", radius=float(rng.uniform(0.1, 0.24)), rng=rng, detail=0.5)
+        for k in range(min(config.stumps, 4))
+    ]
+    group = ObjectGroup(kind="stump", meshes=stumps, count=config.stumps, spacing=4.0, tint=0.1)
+    builder.scatter(group, rng, off_trails)
+
+
+def _lay_log(builder: WorldBuilder, log: Mesh, rng: np.random.Generator) -> None:
+    """Lay one fallen trunk along the ground. Draws x, y and yaw per try, and a tint at the end.
+
+    Raises:
+        CrowdedWorldError: no space within ``LOG_TRIES`` tries.
+    """
+    clearance = np.array(clearance_circles(log))
+
+    def candidates() -> Iterator[Array]:
+        for _ in range(LOG_TRIES):
+            yield np.array([*(rng.uniform(-0.5, 0.5, 2) * builder.size), rng.uniform(0.0, 2.0 * np.pi)])
+
+    def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
+        x, y, yaw = candidate
+        along = clearance[:, 0]
+        circles = np.column_stack([x + along * np.cos(yaw), y + along * np.sin(yaw), clearance[:, 2]])
+        if not (builder.trail_distance(circles[:, :2]) > circles[:, 2] + 0.2).all():
+            return None
+        if not all(builder.is_free(circle[:2], circle[2]) for circle in circles):
+            return None
+        pose = _lying_pose(candidate, along, builder.field.height_at(circles[:, 0], circles[:, 1]))
+        return builder.add("fallen_trunk", log, pose, [tuple(c) for c in circles.tolist()], tint=random_tint(rng, 0.1))
+
+    group = ObjectGroup(kind=f"fallen trunk {log.name}", meshes=[log], count=1)
+    group.check_complete(place_until_count(1, candidates(), attempt))
+
+
+def _lying_pose(candidate: Array, along: Array, ground: Array) -> Array:
+    """Pose (4, 4) at (x, y, yaw) on the mean slope of ``ground`` heights [m], ``along`` [m] from the trunk's centre.
+
+    The trunk spans hollows of up to 5 cm.
+    """
+    x, y, yaw = candidate
+    ahead = np.array([np.cos(yaw), np.sin(yaw)])
+    slope, middle = np.polyfit(along, ground, 1)
+    gap = float((middle + slope * along - ground).max())
+    pose = np.eye(4)
+    turn = np.array([[ahead[0], -ahead[1], 0.0], [ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
+    pose[:3, :3] = rotations_to(np.array([[-slope * ahead[0], -slope * ahead[1], 1.0]]))[0] @ turn
+    pose[:3, 3] = x, y, middle - max(gap - 0.05, 0.0)
+    return pose
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:

@@ -10,20 +10,264 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import make_backdrop
-from fieldtruth.world.environments.hillside.beyond import (
-    scatter_far_plants,
-    scatter_far_rocks,
-)
+from fieldtruth.world.backdrop import height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.hillside.config import Config
-from fieldtruth.world.environments.hillside.ground import as_terrain, make_ground
-from fieldtruth.world.environments.hillside.plants import plant_bushes, plant_grass, plant_trees
-from fieldtruth.world.environments.hillside.rocks import place_rocks, scatter_stones
-from fieldtruth.world.ground_layer import with_layer
-from fieldtruth.world.model import World
-from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line
+from fieldtruth.world.environments.hillside.ground import Ground, as_terrain, make_ground
+from fieldtruth.world.grids import Line, solid_noise
+from fieldtruth.world.model import Heightfield, Instance, Mesh, World
+from fieldtruth.world.placement import (
+    Density,
+    FarSwarm,
+    ObjectGroup,
+    SwarmSpec,
+    WorldBuilder,
+    eased,
+    place_until_count,
+    random_tint,
+    tilted,
+    upright_pose,
+)
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_snag, grow_tree, grow_tuft
+from fieldtruth.world.relief import with_layer
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
+
+TRIES = 6000
+
+
+def plant_trees(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:
+    """Plant pines, oaks and dead pines where there is soil."""
+
+    def soil(xy: Array) -> Array:
+        return _soil(ground, xy)
+
+    few, uniform = config.individuals, rng.uniform
+    pines = [
+        grow_tree(TREES["pine"], name=f"pine_{k}", height=uniform(6.6, 9.5), rng=rng, detail=0.4) for k in range(few)
+    ]
+    oaks = [grow_tree(TREES["oak"], name=f"oak_{k}", height=uniform(4.0, 6.2), rng=rng, detail=0.6) for k in range(few)]
+    snags = [
+        grow_snag(TREES["pine"], name=f"snag_{k}", height=uniform(2.5, 5.5), rng=rng, detail=0.6)
+        for k in range(min(few, 3))
+    ]
+    for kind, meshes, count, spacing, tilt in (
+        ("pine", pines, config.pines, 8.0, 0.0),
+        ("oak", oaks, config.oaks, 6.0, 0.0),
+        ("snag", snags, config.snags, 8.0, 0.1),
+    ):
+        _scatter(builder, _group(kind, meshes, count, spacing), rng, soil, tilt)
+
+
+def plant_bushes(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:
+    """Plant junipers, gorse and heather in groups."""
+
+    def thicket(xy: Array) -> Array:
+        noise = solid_noise(xy, wavelength=14, octaves=2, rng=rng)
+        return np.asarray(_soil(ground, xy) * np.clip(0.25 + 0.7 * noise, 0.03, 1))
+
+    for kind, count, low, high, spacing in (
+        ("juniper", config.junipers, 0.75, 1.15, 2.2),
+        ("gorse", config.gorse, 0.5, 1.0, 1.4),
+        ("heather", config.cushions, 0.7, 1.3, 0.9),
+    ):
+        full = BUSHES[kind].grown.height
+        meshes = [
+            grow_bush(BUSHES[kind], name=f"{kind}_{k}", height=full * rng.uniform(low, high), rng=rng, detail=0.6)
+            for k in range(config.individuals + 1)
+        ]
+        _scatter(builder, _group(kind, meshes, count, spacing), rng, thicket, tilt=0.5)
+
+
+def _soil(ground: Ground, xy: Array) -> Array:
+    """Share (n,) of soil that is not too steep."""
+    return np.clip(1 - ground.scree(xy) - ground.rock(xy), 0, 1) * (ground.slope_deg(xy) < 30)
+
+
+def _group(kind: str, meshes: list[Mesh], count: int, spacing: float) -> ObjectGroup:
+    return ObjectGroup(kind=kind, meshes=meshes, count=count, spacing=spacing, scales=(0.85, 1.15), tint=0.07)
+
+
+def _scatter(
+    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, density: Density, tilt: float
+) -> None:
+    """Scatter plants that lean by a share ``tilt`` of the slope.
+
+    Draws ``TRIES`` positions and a number for each at first; then for each candidate a scale, and for a placed plant
+    yaw and tint.
+
+    Raises:
+        CrowdedWorldError: too few candidates are free, even without spacing.
+    """
+    darts = builder.random_positions(TRIES, rng)
+    hits = darts[rng.random(TRIES) < density(darts)]
+
+    def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
+        mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
+        radius = mesh.footprint * scale
+        if not apart or not builder.is_free(xy, radius):
+            return None
+        pose = _stem_pose(builder.field, xy, float(rng.uniform(0, 2 * np.pi)), scale, tilt)
+        return builder.add(group.kind, mesh, pose, [(*xy, radius)], tint=random_tint(rng, group.tint))
+
+    group.check_complete(
+        place_until_count(group.count, hits, attempt, spacings=eased(group.spacing, (1.0, 0.7, 0.4, 0.0)))
+    )
+
+
+def _stem_pose(field: Heightfield, xy: Array, yaw: float, scale: float, tilt: float) -> Array:
+    """Pose (4, 4) of a plant whose stem meets the slope."""
+    x, y = xy
+    dx, dy = field.slope_at(x, y)
+    pose = upright_pose(x, y, yaw, scale)
+    pose[:3, :3] = tilted(pose[None], dx, dy, tilt)[0]
+    # Roots reach below the stem; its base, a few decimetres wide, must not show on the downhill side.
+    pose[2, 3] = float(field.height_at(x, y)) - 0.12 * float(np.hypot(dx, dy)) * (1 - tilt)
+    return pose
+
+
+def plant_grass(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> list[Mesh]:
+    """Scatter tufts of bristle bent, dense in the turf and sparse elsewhere; return the meshes."""
+    species = GRASSES["bent"]
+    low, high = species.height
+    tufts = [
+        grow_tuft(species, name=f"tuft_{k}", height=float(rng.uniform(0.8 * low, high)), rng=rng) for k in range(8)
+    ]
+
+    def density(xy: Array) -> Array:
+        clump = np.clip(0.5 + 0.6 * solid_noise(xy, wavelength=5.0, octaves=3, rng=rng), 0, 1)
+        return np.clip(0.02 + 0.9 * clump * ground.turf(xy) * (1 - ground.scree(xy)), 0, 1)
+
+    if config.grass:
+        spec = SwarmSpec(
+            name="grass",
+            kind="high_grass",
+            meshes=tufts,
+            per_m2=config.grass,
+            scales=(0.5, 1.1),
+            tilt=0.2,
+            lean_deg=6,
+            sink=0.02,
+        )
+        builder.scatter_swarm(spec, rng, density)
+    return tufts
+
+
+def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:
+    """Add rocks with colliders, large ones first."""
+
+    def steep(xy: Array) -> Array:
+        return np.clip((ground.slope_deg(xy) - 17) / 10, 0.02, 1)
+
+    def rolled(xy: Array) -> Array:
+        return np.clip(0.15 + ground.scree(xy) + 0.5 * ground.rock(xy), 0, 1)
+
+    few = config.individuals
+    crags = _make_rocks("crag", "crag", (2.2, 3.0), 2400, 2 * few, rng)
+    boulders = _make_rocks("granite", "boulder", (1.1, 1.8), 1600, 2 * few, rng)
+    blocks = _make_rocks("granite scree", "block", (0.45, 0.85), 720, 2 * few, rng)
+    slabs = _make_rocks("slab", "slab", (0.7, 1.5), 900, few, rng)
+    for kind, meshes, count, density, spacing, scales in (
+        ("crag", crags, config.crags, steep, 2.6, (0.8, 1.25)),
+        ("boulder", boulders, config.boulders, rolled, 3.0, (0.85, 1.2)),
+        ("rock", blocks, config.blocks, rolled, 1.2, (0.75, 1.3)),
+        ("slab", slabs, config.slabs, rolled, 1.5, (0.7, 1.2)),
+    ):
+        group = ObjectGroup(kind=kind, meshes=meshes, count=count, spacing=spacing, scales=scales, tint=0.08)
+        scatter_rocks(builder, group, rng, density)
+
+
+def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:
+    """Scatter swarms of stones, off the corridors' centre lines, and of pebbles."""
+
+    def loose(xy: Array) -> Array:
+        return np.clip(0.12 + 0.9 * ground.scree(xy) + 0.5 * ground.rock(xy), 0, 1)
+
+    def gravel(xy: Array) -> Array:
+        return np.clip(1 - 0.85 * ground.turf(xy) - 0.4 * ground.rock(xy), 0, 1)
+
+    stones = _make_rocks("scree granite slab", "stone", (0.13, 0.2), 180, 4, rng)
+    pebbles = _make_rocks("scree granite", "pebble", (0.04, 0.07), 80, 5, rng)
+    if config.stones:
+        spec = SwarmSpec(
+            name="stones",
+            kind="rock",
+            meshes=stones,
+            per_m2=config.stones,
+            scales=(0.65, 1.4),
+            tilt=0.9,
+            lean_deg=8,
+            clear=0.9,
+            aside=1.45,
+        )
+        builder.scatter_swarm(spec, rng, loose)
+    if config.pebbles:
+        spec = SwarmSpec(
+            name="pebbles",
+            kind="rock",
+            meshes=pebbles,
+            per_m2=config.pebbles,
+            scales=(0.6, 1.5),
+            tint=0.12,
+            tilt=0.9,
+            lean_deg=12,
+        )
+        builder.scatter_swarm(spec, rng, gravel)
+
+
+def _make_rocks(
+    types: str, name: str, sizes: tuple[float, float], triangles: int, count: int, rng: np.random.Generator
+) -> list[Mesh]:
+    """Make ``count`` rocks of each of the types (words), of sizes between two bounds [m]."""
+    return [
+        make_rock(
+            ROCK_TYPES[rock_type],
+            name=f"{name}_{rock_type}_{k}",
+            size=float(rng.uniform(*sizes)),
+            rng=rng,
+            triangles=triangles,
+            solid=sizes[1] > 0.3,
+        )
+        for k in range(count)
+        for rock_type in types.split()
+    ]
+
+
+def scatter_far_plants(
+    builder: WorldBuilder, backdrop: Mesh, tufts: Sequence[Mesh], rng: np.random.Generator
+) -> list[FarSwarm]:
+    """Bushes, few trees and grass."""
+    bushes = [
+        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=BUSHES[name].grown.height * share, rng=rng, detail=0.1)
+        for name in ("juniper", "gorse")
+        for k, share in enumerate((0.7, 1.0))
+    ]
+    trees = [
+        grow_tree(TREES[name], name=f"far_{name}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=0.04)
+        for name, heights in (("pine", (6.6, 9.5)), ("oak", (4.0, 6.0)))
+        for k in range(2)
+    ]
+    size, ground = builder.size, height_beyond(builder.field, builder.size, backdrop)
+    bush_spec = SwarmSpec(name="far_bushes", kind="bush", meshes=bushes, per_m2=0.022, scales=(0.6, 1.3), tilt=0.4)
+    tree_spec = SwarmSpec(name="far_trees", kind="tree", meshes=trees, per_m2=0.0013, sink=0.1)
+    grass_spec = SwarmSpec(name="far_grass", kind="high_grass", meshes=tufts, per_m2=0.5, sink=0.03)
+    return [
+        scatter_beyond(size, ground, bush_spec, rng),
+        scatter_beyond(size, ground, tree_spec, rng, margin=3.0),
+        scatter_beyond(size, ground, grass_spec, rng, within=22.0, margin=0.3),
+    ]
+
+
+def scatter_far_rocks(builder: WorldBuilder, backdrop: Mesh, rng: np.random.Generator) -> FarSwarm:
+    """Boulders."""
+    rocks = [
+        make_rock(ROCK_TYPES[name], name=f"far_{name}_{k}", size=size, rng=rng, triangles=320, solid=False)
+        for k, size in enumerate((0.7, 1.2, 2.2))
+        for name in ("granite", "crag")
+    ]
+    ground = height_beyond(builder.field, builder.size, backdrop)
+    spec = SwarmSpec(name="far_rocks", kind="rock", meshes=rocks, per_m2=0.016, scales=(0.5, 1.4), tilt=0.75, sink=0.1)
+    return scatter_beyond(builder.size, ground, spec, rng, within=75.0, margin=1.8)
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:

@@ -5,24 +5,422 @@
 The ground is a few metres above the water and descends to it over beaches and scarps.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.environments.lake.basin import basin_heights
-from fieldtruth.world.environments.lake.beyond import ground_height, make_lake_backdrop, scatter_far_plants
+from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.environments.lake.ground import cover_ground
-from fieldtruth.world.environments.lake.plants import plant_bushes, plant_grass, plant_trees
-from fieldtruth.world.environments.lake.power_line import string_line
-from fieldtruth.world.environments.lake.shore import make_shore
-from fieldtruth.world.ground_layer import with_layer
+from fieldtruth.world.environments.lake.shore import Shore, basin_heights, cover_ground, make_shore
+from fieldtruth.world.grids import Line, noise_map
 from fieldtruth.world.model import Mesh, World
-from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line
+from fieldtruth.world.placement import (
+    CrowdedWorldError,
+    Density,
+    FarSwarm,
+    ObjectGroup,
+    SwarmSpec,
+    WorldBuilder,
+    make_swarm,
+    random_scales,
+    upright_poses,
+)
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_tuft
+from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, make_power_pole, wire_points
+from fieldtruth.world.relief import with_layer
+
+FAR_POLES: Final = 2  # on either side of the world
+
+
+POLE_CLEARANCE: Final = 0.8  # [m] around a pole; the cross-arm is above all low objects
+
+
+_TRIES: Final = 60
+
+
+@dataclass(frozen=True)
+class PowerLine:
+    """Positions of the poles, and the swarms of the line's part beyond the world's edge."""
+
+    poles: Array  # (n, 2) [m]
+    beyond: tuple[FarSwarm, ...]
+
+    def distance(self, xy: Array) -> Array:
+        """Horizontal distance [m], (n,), of positions (n, 2) to the straight lines between the poles."""
+        a, b = self.poles[:-1], self.poles[1:]
+        along = np.einsum("nmi,mi->nm", xy[:, None] - a, b - a) / ((b - a) ** 2).sum(axis=1)
+        foot = a + np.clip(along, 0.0, 1.0)[..., None] * (b - a)
+        return np.asarray(np.linalg.norm(xy[:, None] - foot, axis=-1).min(axis=1))
+
+
+def string_line(
+    builder: WorldBuilder,
+    config: Config,
+    ground_height: Callable[[Array], Array],
+    rng: np.random.Generator,
+    *,
+    far: int = FAR_POLES,
+) -> PowerLine:
+    """Add two poles inside the world and their cables, with ``far`` more poles on either side of the world.
+
+    The spans that touch the world are named objects, four cables each; the others are swarms. ``ground_height`` is the
+    height [m] of the ground at positions (n, 2), also beyond the edge.
+
+    Raises:
+        CrowdedWorldError: no pair of free positions for the poles.
+    """
+    poles = _free_positions(builder, config, far, rng)
+    variant = int(rng.integers(2))
+    pole, points = make_power_pole(variant), wire_points(variant)
+    headings = np.gradient(poles, axis=0)
+    poses = np.tile(np.eye(4), (len(poles), 1, 1))
+    poses[:, :2, 0] = headings / np.linalg.norm(headings, axis=1, keepdims=True)
+    poses[:, 0, 1], poses[:, 1, 1] = -poses[:, 1, 0], poses[:, 0, 0]
+    poses[:, :2, 3], poses[:, 2, 3] = poles, ground_height(poles)
+    for row in (far, far + 1):
+        x, y = poles[row]
+        builder.add("power_pole", pole, poses[row], [(float(x), float(y), POLE_CLEARANCE)])
+    held = np.einsum("nij,mj->nmi", poses, np.column_stack([points, np.ones(len(points))]))[..., :3]
+    away: list[tuple[Mesh, Array]] = []
+    for row, (first, last) in enumerate(pairwise(held)):
+        for k, (start, end) in enumerate(zip(first, last, strict=True)):
+            span = float(np.hypot(*(end - start)[:2]))
+            # Wires of one span have about the same tension.
+            wire = hang(start, end, sag=config.sag * span * float(rng.uniform(0.94, 1.06)))
+            radius = BUNDLE_RADIUS if k == len(first) - 1 else CONDUCTOR_RADIUS
+            mesh, pose = make_cable(f"cable_{row}_{k}", wire, radius=radius)
+            if abs(row - far) <= 1:
+                builder.add("cable", mesh, pose, [])
+            else:
+                away.append((mesh, pose))
+    outer = np.r_[0:far, far + 2 : len(poles)]
+    beyond: list[FarSwarm] = []
+    if len(outer):
+        beyond.append((make_swarm("power_poles_beyond", "power_pole", [pole], poses[outer], None), [pole]))
+    if away:
+        meshes = [mesh for mesh, _ in away]
+        cable_poses = np.array([pose for _, pose in away])
+        beyond.append((make_swarm("cables_beyond", "cable", meshes, cable_poses, None), meshes))
+    return PowerLine(poles, tuple(beyond))
+
+
+def _free_positions(builder: WorldBuilder, config: Config, far: int, rng: np.random.Generator) -> Array:
+    """Positions (2 far + 2, 2) of poles near y = ``config.line_y``; the two inside the world are free."""
+    y = config.line_y
+    for _ in range(_TRIES):
+        middle, turn = rng.uniform([-4.0, y - 0.8], [4.0, y + 0.8]), rng.normal(0.0, 0.012)
+        along = config.pole_distance * (np.arange(2 * far + 2) - far - 0.5)
+        spread = rng.normal(0.0, [0.8, 0.25], (len(along), 2))
+        poles = middle + along[:, None] * [np.cos(turn), np.sin(turn)] + spread
+        if all(builder.is_free(pole, POLE_CLEARANCE) for pole in poles[far : far + 2]):
+            return np.asarray(poles)
+    raise CrowdedWorldError(
+        f"no two free positions for poles {config.pole_distance} m apart near y = {y} m; "
+        "change line_y or pole_distance in the layout"
+    )
+
+
+WATERSIDE_TREES: Final = {"alder": (7.0, 11.0), "willow": (5.5, 9.0)}  # species: height [m], lowest and highest
+
+
+MEADOW_TREES: Final = {"birch": (7.0, 12.0), "pine": (8.0, 14.0), "oak": (7.0, 11.0)}
+
+
+WATERSIDE_BUSHES: Final = ("grey_willow",)
+
+
+MEADOW_BUSHES: Final = ("hazel", "bramble")
+
+
+BELOW_WIRES: Final = 3.4  # [m] from the power line to the nearest trunk
+
+
+TREE_DETAIL: Final = 0.4
+
+
+TUFT_DETAIL: Final = 0.55
+
+
+TRIES: Final = 9000
+
+
+def plant_trees(
+    builder: WorldBuilder,
+    shore: Shore,
+    line: PowerLine,
+    config: Config,
+    growth: np.random.Generator,
+    rng: np.random.Generator,
+) -> None:
+    """Plant alders and willows near the water with gaps between them, groves in the meadow, none below the wires."""
+    grove = noise_map(builder.size, 17.0, rng)
+    for kind, species, count, (low, high) in (
+        ("waterside_tree", WATERSIDE_TREES, config.waterside_trees, (0.9, 6.0)),
+        ("meadow_tree", MEADOW_TREES, config.meadow_trees, (8.5, 99.0)),
+    ):
+        trees = [
+            grow_tree(
+                TREES[name],
+                name=f"{kind}_{name}_{k}",
+                height=float(growth.uniform(*heights)),
+                rng=growth,
+                detail=TREE_DETAIL,
+            )
+            for k in range(config.individuals)
+            for name, heights in species.items()
+        ]
+
+        def allowed(xy: Array, low: float = low, high: float = high) -> Mask:
+            inland, thick = shore.inland.at(*xy.T), grove(xy)
+            return (inland > low) & (inland < high) & (thick > -0.1) & (line.distance(xy) > BELOW_WIRES)
+
+        group = ObjectGroup(kind=kind, meshes=trees, count=count, spacing=4.2, scales=(0.85, 1.15), tint=0.08)
+        builder.scatter(group, rng, allowed, tries=TRIES)
+
+
+def plant_bushes(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> None:
+    """Plant grey willows along the water, hazel and brambles in the meadow, in thickets."""
+    thicket = noise_map(builder.size, 12.0, rng)
+    for kind, names, count, (low, high) in (
+        ("waterside_bush", WATERSIDE_BUSHES, config.waterside_bushes, (0.6, 7.0)),
+        ("meadow_bush", MEADOW_BUSHES, config.meadow_bushes, (5.0, 99.0)),
+    ):
+        bushes = [
+            grow_bush(
+                BUSHES[name],
+                name=f"bush_{name}_{k}",
+                rng=rng,
+                height=BUSHES[name].grown.height * float(rng.uniform(0.6, 1.15)),
+            )
+            for k in range(config.individuals)
+            for name in names
+        ]
+
+        def allowed(xy: Array, low: float = low, high: float = high) -> Mask:
+            inland = shore.inland.at(*xy.T)
+            return (inland > low) & (inland < high) & (thicket(xy) > -0.5)
+
+        group = ObjectGroup(kind=kind, meshes=bushes, count=count, scales=(0.75, 1.15), tint=0.1)
+        builder.scatter(group, rng, allowed, tries=TRIES)
+
+
+class _GrassArea(NamedTuple):
+    """Grass of one kind: shares by species, clumps (or single tufts if the radius is 0), and where they grow."""
+
+    species: Mapping[str, float]
+    radius: float  # [m] of a clump
+    tufts_per_m2: float  # of a clump
+    per_m2: float  # clumps or single tufts
+    density: Density
+
+
+def plant_grass(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> None:
+    """Scatter reeds and cattails in the shallow water, sedges along it, long grass and herbs in the meadow."""
+    few = config.individuals
+    for row, area in enumerate(_grass_areas(builder, shore, config, rng)):
+        name = f"{next(iter(area.species))}_{row + 1}"
+        if area.radius > 0:
+            meshes = make_clumps(area.species, name, area.radius, area.tufts_per_m2, few + 1, rng)
+        else:
+            meshes = _make_tufts(next(iter(area.species)), name, 2 * few, rng)
+        spec = SwarmSpec(
+            name=f"high_grass_{name}",
+            kind="high_grass",
+            meshes=meshes,
+            per_m2=area.per_m2 * config.grass,
+            scales=(0.75, 1.2),
+            tilt=1.0,
+            clear=0.3 + 0.7 * area.radius,
+        )
+        builder.scatter_swarm(spec, rng, area.density)
+
+
+def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> list[_GrassArea]:
+    beds, swathe, thin = (noise_map(builder.size, wavelength, rng) for wavelength in (16.0, 9.0, 5.0))
+
+    def depth(xy: Array) -> Array:
+        return np.asarray(config.water_level - builder.field.height_at(*xy.T))
+
+    def inland(xy: Array) -> Array:
+        return shore.inland.at(*xy.T)
+
+    def turf(xy: Array, start: float, thick: Array) -> Array:
+        return np.asarray(np.clip(inland(xy) / 2.0 - start, 0, 1) * np.clip(thick, 0, 1))
+
+    def reed(xy: Array) -> Array:
+        return _within(depth(xy), -0.05, 0.5) * np.clip(2.0 * beds(xy) - 0.3, 0, 1)
+
+    def cattail(xy: Array) -> Array:
+        return _within(depth(xy), 0.02, 0.35) * np.clip(-1.5 * beds(xy) - 0.6, 0, 1)
+
+    def sedge(xy: Array) -> Array:
+        return _within(inland(xy), 0.45, 2.4) * np.clip(0.55 + 0.7 * thin(xy), 0, 1)
+
+    return [
+        _GrassArea({"reed": 1.0}, 0.5, 13.0, 1.6, reed),
+        _GrassArea({"cattail": 1.0}, 0.35, 9.0, 1.2, cattail),
+        _GrassArea({"sedge": 1.0}, 0.35, 7.0, 1.6, sedge),
+        _GrassArea(
+            {"meadow": 0.9, "dock": 0.1},
+            0.9,
+            9.0,
+            0.55,
+            lambda xy: turf(xy, 0.5, 0.3 + 0.7 * swathe(xy) + 0.25 * thin(xy)),
+        ),
+        _GrassArea(
+            {"dry": 0.7, "meadow": 0.3},
+            0.8,
+            6.0,
+            0.35,
+            lambda xy: turf(xy, 2.0, -0.15 - 0.7 * swathe(xy) + 0.4 * thin(xy)),
+        ),
+        _GrassArea({"nettle": 1.0}, 0.7, 9.0, 0.45, lambda xy: turf(xy, 2.0, 1.3 * beds(xy) - 1.2)),
+        _GrassArea({"meadow": 1.0}, 0.0, 1.0, 0.7, lambda xy: turf(xy, 0.5, 0.6 - 0.3 * swathe(xy))),
+    ]
+
+
+def _make_tufts(species: str, name: str, count: int, rng: np.random.Generator) -> list[Mesh]:
+    """Single tufts from small to large."""
+    grass = GRASSES[species]
+    return [
+        grow_tuft(grass, name=f"{name}_{k}", height=float(height), rng=rng, detail=TUFT_DETAIL)
+        for k, height in enumerate(np.linspace(*grass.height, count))
+    ]
+
+
+def make_clumps(
+    species: Mapping[str, float], name: str, radius: float, per_m2: float, count: int, rng: np.random.Generator
+) -> list[Mesh]:
+    """Clumps of ``radius`` [m] with ``per_m2`` tufts, mixed of species by their shares."""
+    shares = {GRASSES[one]: share for one, share in species.items()}
+    return [
+        grow_clump(shares, name=f"{name}_{k}", radius=radius, per_m2=per_m2, rng=rng, detail=TUFT_DETAIL)
+        for k in range(count)
+    ]
+
+
+def _within(value: Array, low: float, high: float) -> Array:
+    """1 between two bounds, 0 outside."""
+    return np.asarray((value > low) & (value < high), np.float64)
+
+
+FAR_DETAIL: Final = 0.02
+
+
+NEAR_DETAIL: Final = 0.1
+
+
+SPACING: Final = 7.0  # [m] mean distance between positions where a far tree may stand
+
+
+SCRUB_DETAIL: Final = 0.1
+
+
+WOODS_RADIUS: Final = 380.0  # [m] from the centre to the last trees
+
+
+AREA: Final = (900.0, 900.0)  # [m] over which groves and woods vary
+
+
+def make_lake_backdrop(builder: WorldBuilder, basin: Land, level: float, rng: np.random.Generator) -> Mesh:
+    """The lake's bed and far shores: mud below the water where triangles are small enough, meadow elsewhere."""
+
+    def cover(x: Array, y: Array, _slope: Array) -> Index:
+        return np.asarray((basin(x, y) < level + 0.1) & (np.hypot(x, y) < 110.0), np.intp)
+
+    return make_backdrop(builder.field, builder.size, ("meadow", "mud"), rng, land=basin, cover=cover)
+
+
+def ground_height(builder: WorldBuilder, backdrop: Mesh) -> Callable[[Array], Array]:
+    """Height [m] of the ground as a function of positions (n, 2), inside the world and beyond its edge."""
+    beyond, half = height_beyond(builder.field, builder.size, backdrop), np.array(builder.size) / 2
+
+    def height(xy: Array) -> Array:
+        inside = np.asarray((np.abs(xy) < half).all(axis=1))
+        x, y = np.where(inside[:, None], 2 * half, xy).T  # any valid position where the value is not used
+        return np.where(inside, builder.field.height_at(*xy.T), beyond(x, y))
+
+    return height
+
+
+def scatter_far_plants(
+    builder: WorldBuilder, backdrop: Mesh, basin: Land, level: float, line: PowerLine, rng: np.random.Generator
+) -> list[FarSwarm]:
+    """Groves and grass near the edge, woods along the far shore and on its hills."""
+    far_trees, near_trees = (_make_trees(name, d, rng) for name, d in (("far", FAR_DETAIL), ("beyond", NEAR_DETAIL)))
+    grass = make_clumps({"meadow": 0.7, "dry": 0.3}, "far_grass", 0.7, 7.0, 3, rng)
+    grove, wood = noise_map(AREA, 45.0, rng), noise_map(AREA, 110.0, rng)
+
+    def above_water(xy: Array) -> Array:
+        return np.asarray(basin(*xy.T) - level)
+
+    def near(xy: Array) -> Array:
+        height, thick = above_water(xy), grove(xy)
+        wooded = ((height > 0.5) & (height < 1.6) & (thick > 0.1)) | ((height > 2.0) & (thick > 0.35))
+        return (wooded & (line.distance(xy) > BELOW_WIRES + 1.0)).astype(np.float64)
+
+    def turf(xy: Array) -> Array:
+        return np.asarray((above_water(xy) > 0.8) * np.clip(0.45 + 0.4 * grove(xy), 0.0, 1.0))
+
+    def scrub(xy: Array) -> Array:
+        return np.clip(0.8 * grove(xy) + 0.25 * (above_water(xy) > 0.5), 0.0, 1.0) * (above_water(xy) > 0.4)
+
+    bushes = [
+        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=height, rng=rng, detail=SCRUB_DETAIL)
+        for name, height in (("hazel", 2.8), ("grey_willow", 2.4))
+        for k in range(2)
+    ]
+    scrub_spec = SwarmSpec(name="scrub_beyond", kind="bush", meshes=bushes, per_m2=0.02, scales=(0.4, 1.5), sink=0.05)
+    size, ground = builder.size, height_beyond(builder.field, builder.size, backdrop)
+    grass_spec = SwarmSpec(name="high_grass_beyond", kind="high_grass", meshes=grass, per_m2=0.9, tilt=1.0)
+    tree_spec = SwarmSpec(
+        name="trees_beyond", kind="tree", meshes=near_trees, per_m2=0.035, scales=(0.55, 1.3), sink=0.1
+    )
+    return [
+        scatter_beyond(size, ground, grass_spec, rng, within=14.0, margin=0.6, density=turf),
+        scatter_beyond(size, ground, tree_spec, rng, within=90.0, margin=3.0, density=near),
+        _far_woods(far_trees, basin, level, grove, wood, rng),
+        scatter_beyond(size, ground, scrub_spec, rng, within=98.0, margin=5.0, density=scrub),
+    ]
+
+
+def _make_trees(name: str, detail: float, rng: np.random.Generator) -> list[Mesh]:
+    """Two trees of each species."""
+    return [
+        grow_tree(
+            TREES[species], name=f"{name}_{species}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=detail
+        )
+        for k in range(2)
+        for species, heights in {**WATERSIDE_TREES, **MEADOW_TREES}.items()
+    ]
+
+
+def _far_woods(
+    trees: Sequence[Mesh], basin: Land, level: float, grove: Density, wood: Density, rng: np.random.Generator
+) -> FarSwarm:
+    """Trees in a belt along the far water and in woods above it, outside the blend from the world's edge.
+
+    Draws independent positions, a third of them in groups of three, a number for each, scales, yaws, meshes and tints.
+    """
+    xy = rng.uniform(-WOODS_RADIUS, WOODS_RADIUS, (round((2 * WOODS_RADIUS / SPACING) ** 2), 2))
+    third = len(xy) // 9
+    xy[: 3 * third] = np.repeat(xy[:third], 3, axis=0) + rng.normal(0.0, 2.5, (3 * third, 2))
+    height = basin(*xy.T)
+    above, away = height - level, np.hypot(*xy.T)
+    thick = np.where(above < 3.2, 0.75 + 0.3 * grove(xy), 0.45 + 0.5 * wood(xy))
+    wooded = (above > 0.3) & (away > 115.0) & (away < WOODS_RADIUS) & (rng.random(len(xy)) < np.clip(thick, 0.04, 1))
+    xy, height = xy[wooded], height[wooded]
+    n = len(xy)
+    scale = random_scales(rng, (0.45, 1.45), n)
+    poses = upright_poses(xy, rng.uniform(0.0, 2 * np.pi, n), scale)
+    poses[:, 2, 3] = height - 0.4  # the land's triangles are large there
+    return make_swarm("woods_beyond", "tree", trees, poses, rng, tint=0.12), trees
+
 
 WATER_TILE: Final = 30.0  # [m] of water that its texture covers
 

@@ -11,10 +11,16 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Instance, Mesh
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, place_until_count
+from fieldtruth.world.placement import (
+    CrowdedWorldError,
+    WorldBuilder,
+    make_swarm,
+    place_until_count,
+    random_tint,
+    rotations_to,
+    upright_poses,
+)
 from fieldtruth.world.plants import BUSHES, grow_bush
-from fieldtruth.world.poses import random_tint, rotations_to, upright_poses
-from fieldtruth.world.swarms import make_swarm
 
 BUSH_HEIGHTS: Final[Mapping[str, tuple[float, float]]] = {
     "box": (0.65, 1.1),

@@ -10,14 +10,11 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
-from fieldtruth.world.grids import distance_beyond
+from fieldtruth.world.grids import Line, Trail, distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Terrain, merge_meshes
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import FarSwarm, SwarmSpec, WorldBuilder, make_swarm, random_scales, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
-from fieldtruth.world.poses import upright_poses
-from fieldtruth.world.swarms import FarSwarm, SwarmSpec, make_swarm, random_scales
-from fieldtruth.world.trails import Line, Trail
 
 TREES_TO: Final = 62.0
 """Distance [m] from the edge within which there are single trees and the trails continue."""

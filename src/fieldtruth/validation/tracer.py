@@ -1,0 +1,294 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A second ray tracer: double precision, NumPy, no Embree and no tree. It serves a few thousand rays, not images.
+
+Bounding boxes of objects, then of groups of triangles, then the triangles themselves are tested by brute force. Of the
+ground these are boxes about squares of cells, then about cells, whose triangles are made as they are met: a terrain of
+5 cm has four million triangles, and a ray meets the boxes of a few dozen. Every triangle that a ray hits, or misses by
+less than single precision resolves, is returned.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.world.model import Heightfield, Mesh, World
+
+SKIN: Final = 0.001  # [m] by which boxes are larger
+_SIDE: Final = 16  # cells on the side of a square
+_PAIRS: Final = 200_000  # of rays and boxes at once
+_OFFSETS: Final = np.stack(np.meshgrid(np.arange(_SIDE), np.arange(_SIDE), indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+class Ground:
+    """The triangles of a heightfield as its docstring defines them; it does not use those of the sensors' scene."""
+
+    def __init__(self, field: Heightfield) -> None:
+        self._field = field
+        self._cells = np.array(field.heights.shape) - 1
+        starts = [np.arange(0, n, _SIDE) for n in self._cells]
+        self._first = np.stack(np.meshgrid(*starts, indexing="ij"), axis=-1).reshape(-1, 2)
+        end = np.minimum(self._first + _SIDE, self._cells)
+        low, high = self._squares(np.minimum), self._squares(np.maximum)
+        origin, step = np.array([field.x0, field.y0]), field.spacing
+        self._low = np.column_stack([origin + step * self._first, low]) - SKIN
+        self._high = np.column_stack([origin + step * end, high]) + SKIN
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles in all cells."""
+        return 2 * int(np.prod(self._cells))
+
+    def near(self, start: Array, ahead: Array, limit: Array) -> Iterator[tuple[Index, Array]]:
+        """Rows of rays (n, 3) up to their limits (n,), and the corners (n, 3, 3) of triangles whose box they meet."""
+        near = near_all(self._low, self._high, start, ahead, limit)
+        for rays in blocks(len(start), len(near)):
+            ray, square = np.nonzero(
+                meets(self._low[near], self._high[near], start[rays, None], ahead[rays, None], limit[rays, None])
+            )
+            square = near[square]
+            for part in blocks(len(ray), _SIDE * _SIDE):
+                row = np.repeat(ray[part] + rays.start, _SIDE * _SIDE)
+                cell = (self._first[square[part], None] + _OFFSETS).reshape(-1, 2)
+                inside = (cell < self._cells).all(axis=1)
+                row, nodes = row[inside], self._nodes(cell[inside])
+                met = meets(nodes.min(axis=1) - SKIN, nodes.max(axis=1) + SKIN, start[row], ahead[row], limit[row])
+                row, nodes = row[met], nodes[met]
+                yield np.concatenate([row, row]), np.concatenate([nodes[:, [0, 1, 2]], nodes[:, [0, 2, 3]]])
+
+    def _squares(self, extreme: np.ufunc) -> Array:
+        """Least or greatest height (n,) of each square's nodes, those of its far sides included."""
+        h = self._field.heights
+        cells = extreme(extreme(h[:-1, :-1], h[1:, :-1]), extreme(h[:-1, 1:], h[1:, 1:]))
+        for axis, count in enumerate(self._cells):
+            cells = extreme.reduceat(cells, np.arange(0, count, _SIDE), axis=axis)
+        return np.asarray(cells.ravel(), np.float64)
+
+    def _nodes(self, cell: NDArray[np.int64]) -> Array:
+        """Corners (n, 4, 3) of cells (n, 2), anticlockwise from (i, j); a cell is divided from it to (i + 1, j + 1)."""
+        ij, field = cell[:, None] + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), self._field
+        nodes = np.empty((len(cell), 4, 3))
+        nodes[..., :2] = (field.x0, field.y0) + field.spacing * ij
+        nodes[..., 2] = field.heights[ij[..., 0], ij[..., 1]]
+        return nodes
+
+
+def meets(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Mask:
+    """Whether rays up to their limits meet boxes."""
+    near, far = np.zeros(()), limit
+    for axis in range(3):
+        along = ahead[..., axis]
+        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
+        first, second = (low[..., axis] - start[..., axis]) / along, (high[..., axis] - start[..., axis]) / along
+        near, far = np.maximum(near, np.minimum(first, second)), np.minimum(far, np.maximum(first, second))
+    return np.asarray(near <= far)
+
+
+def near_all(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Index:
+    """Rows of boxes (n, 3) that meet the one box around all rays (..., 3): in a large world few boxes are near."""
+    ends = np.stack([start, start + ahead * limit[..., None]]).reshape(-1, 3)
+    return np.flatnonzero(((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1))
+
+
+def blocks(count: int, each: int) -> list[slice]:
+    """Slices of ``count`` items that hold at most 200,000 pairs of ``each``."""
+    step = max(1, _PAIRS // max(1, each))
+    return [slice(first, min(first + step, count)) for first in range(0, count, step)]
+
+
+TERRAIN: Final = 0
+"""Label of triangles of the terrain, whose class depends on where they are hit."""
+_GROUP: Final = 32  # triangles per box
+_RAYS: Final = 32  # at once against all objects
+_PARALLEL: Final = 2e-5
+"""Cosine between ray and normal below which a triangle is seen edge-on and skipped."""
+
+
+class Hits(NamedTuple):
+    """Triangles that rays hit or nearly hit, ordered by ray and then by range."""
+
+    ray: Index
+    range_m: Array
+    label: NDArray[np.uint8]
+    instance: Index
+    margin: Array
+    """Distance [m] to the nearest edge of the triangle, in its plane; below 0 outside."""
+    cosine: Array
+    """Of the angle between ray and normal."""
+    front: Mask
+    """Whether the ray meets the side from which the corners run counterclockwise."""
+
+
+class _Solid(NamedTuple):
+    """Triangles of a mesh in its own frame, neighbours together, with a box about each ``_GROUP`` of them."""
+
+    corners: Array
+    label: NDArray[np.uint8]
+    low: Array
+    high: Array
+
+
+class _Placed(NamedTuple):
+    """All objects with the same mesh: object_from_world, instance ids, and boxes in the world."""
+
+    inverse: Array
+    instance: Index
+    low: Array
+    high: Array
+
+
+class _Triangles(NamedTuple):
+    """Corners (n, 3, 3), class and instance id (n,)."""
+
+    corners: Array
+    label: NDArray[np.uint8]
+    instance: Index
+
+
+class ReferenceTracer:
+    """The triangles of a world. Threads may share it."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.side = world, max(world.size)
+        labels = {name: int(material.label) for name, material in world.materials.items()}
+        self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
+        meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
+        poses: dict[str, list[tuple[Array, int]]] = {}
+
+        def place(mesh: Mesh, pose: Array, instance: int) -> None:
+            name = f"mesh {mesh.name}"
+            if name not in meshes:
+                label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
+                meshes[name] = mesh.vertices.astype(np.float64)[mesh.faces], label
+            poses.setdefault(name, []).append((pose, instance))
+
+        if world.backdrop is not None:
+            place(world.backdrop, np.eye(4), GROUND_ID)
+        for each in world.instances:
+            place(world.meshes[each.mesh], each.world_from_object, each.object_id)
+        for swarm in world.swarms:
+            own = [world.meshes[name] for name in swarm.meshes]
+            for row, pose in zip(swarm.mesh.tolist(), swarm.world_from_object, strict=True):
+                place(own[row], pose, swarm.object_id)
+        self._solids = {name: _grouped(*mesh) for name, mesh in meshes.items()}
+        self._placed = {name: _placed(self._solids[name], poses[name]) for name in meshes}
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles in the world, those of each object counted."""
+        objects = (len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
+        return sum(objects, self._ground.triangles if self._ground is not None else 0)
+
+    def hits(self, origins: Array, directions: Array, limit: Array) -> Hits:
+        """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
+        nothing = np.zeros(0)
+        index, flags = nothing.astype(int), nothing.astype(np.bool_)
+        found = [Hits(index, nothing, nothing.astype(np.uint8), index, nothing, nothing, flags)]
+        for first in range(0, len(origins), _RAYS):
+            rays = np.arange(first, min(first + _RAYS, len(origins)))
+            ground = self._ground.near(origins[rays], directions[rays], limit[rays]) if self._ground is not None else ()
+            for row, corners in ground:
+                ray = rays[row]
+                label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
+                triangles = _Triangles(corners, label, instance)
+                found.append(_hits_on(triangles, ray, origins[ray], directions[ray], limit[ray], self.side))
+            start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
+            for name, placed in self._placed.items():
+                near = near_all(placed.low, placed.high, start, ahead, end)
+                ray, row = np.nonzero(meets(placed.low[near], placed.high[near], start, ahead, end))
+                if len(ray):
+                    found += self._hits_of(name, rays[ray], near[row], origins, directions, limit)
+        hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
+        order = np.lexsort((hits.range_m, hits.ray))
+        return Hits._make(part[order] for part in hits)
+
+    def _hits_of(
+        self, name: str, ray: Index, row: Index, origins: Array, directions: Array, limit: Array
+    ) -> list[Hits]:
+        """Hits of pairs of ray and object, all with the same mesh."""
+        placed, solid, found = self._placed[name], self._solids[name], []
+        inverse = placed.inverse[row]
+        start = np.einsum("nij,nj->ni", inverse[:, :3, :3], origins[ray]) + inverse[:, :3, 3]
+        ahead = np.einsum("nij,nj->ni", inverse[:, :3, :3], directions[ray])
+        low, high = solid.low - SKIN, solid.high + SKIN
+        for pairs in blocks(len(ray), len(low)):
+            near = meets(low, high, start[pairs, None], ahead[pairs, None], limit[ray[pairs], None])
+            pair, group = np.nonzero(near)
+            pair += pairs.start
+            for part in blocks(len(pair), _GROUP):
+                face = group[part, None] * _GROUP + np.arange(_GROUP)
+                inside = face < len(solid.corners)
+                face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
+                of, label, instance = ray[pair_of], solid.label[face], placed.instance[row[pair_of]]
+                triangles = _Triangles(solid.corners[face], label, instance)
+                found.append(_hits_on(triangles, of, start[pair_of], ahead[pair_of], limit[of], self.side))
+        return found
+
+
+def resolution(range_m: Array, side: float) -> Array:
+    """Distance [m] across the ray by which single precision may displace its end, in a world of a greatest side [m].
+
+    Coordinates of 64 m, half of 128 m, have a last digit of 8 um, larger ones one that grows with them, and are
+    transformed to the frame of an object; the last digit of a direction moves the end by 1.2e-7 of the range.
+    """
+    return np.asarray(3e-5 * max(1.0, side / 128.0) + 2.4e-7 * range_m)
+
+
+def _hits_on(triangles: _Triangles, ray: Index, start: Array, ahead: Array, limit: Array, side: float) -> Hits:
+    """Hits of rays on triangles, pair by pair; rays are given in their frame, in a world of a greatest side [m]."""
+    corners, label, instance = triangles
+    range_m, margin, cosine = _intersect(corners, start, ahead)
+    margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
+    front, cosine = cosine < 0, np.abs(cosine)
+    hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
+    hit &= margin > -resolution(range_m, side) / np.maximum(cosine, _PARALLEL)
+    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit], front[hit])
+
+
+def _grouped(corners: Array, label: NDArray[np.uint8]) -> _Solid:
+    """Sort triangles along a Morton curve, so that neighbours share a box."""
+    middle = corners.mean(axis=1)
+    cell = (middle - middle.min(axis=0)) / max(1e-9, float(np.ptp(middle, axis=0).max()))
+    cell = (cell * 1023).astype(np.int64)
+    code = np.zeros(len(cell), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    order = np.argsort(code, kind="stable")
+    corners, starts = corners[order], np.arange(0, len(corners), _GROUP)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    return _Solid(corners, label[order], np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts))
+
+
+def _placed(solid: _Solid, poses: list[tuple[Array, int]]) -> _Placed:
+    pose, instance = np.array([pose for pose, _ in poses]), np.array([number for _, number in poses])
+    bounds = np.stack([solid.low.min(axis=0), solid.high.max(axis=0)])
+    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+    moved = np.einsum("nij,cj->nci", pose[:, :3, :3], corners) + pose[:, None, :3, 3]
+    inverse = np.asarray(np.linalg.inv(pose), np.float64)
+    return _Placed(inverse, instance, moved.min(axis=1) - SKIN, moved.max(axis=1) + SKIN)
+
+
+def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array, Array]:
+    """Intersect rays with the planes of triangles (n, 3, 3).
+
+    Returns:
+        Range in lengths of ``ahead``, distance to the nearest edge (below 0 outside), cosine to the normal,
+        which is below 0 in front of it.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(edges[:, 0], -edges[:, 2])
+    area = np.linalg.norm(normal, axis=1)
+    towards = np.einsum("ni,ni->n", normal, ahead)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = np.einsum("ni,ni->n", normal, corners[:, 0] - start) / towards
+        cosine = towards / (area * np.linalg.norm(ahead, axis=1))
+        point = start + range_m[:, None] * ahead
+        inwards = np.cross(normal[:, None], edges)
+        inside = np.einsum("nki,nki->nk", inwards, point[:, None] - corners) / np.linalg.norm(inwards, axis=-1)
+    flat = ~(area > 0)
+    return np.where(flat, -1.0, range_m), np.where(flat, -np.inf, inside.min(axis=1)), np.where(flat, 0.0, cosine)
