@@ -12,7 +12,7 @@ from series import odometry_along, reading_of
 from fieldtruth.bag import base_messages, robot_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
-from fieldtruth.drive.state import state_at
+from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speed

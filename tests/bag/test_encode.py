@@ -13,7 +13,7 @@ from fieldtruth.bag import types as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.drive.state import State, state_at
+from fieldtruth.drive.track import State, state_at
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL

@@ -19,8 +19,7 @@ from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import draw
 from fieldtruth.campaign.estimate import estimate
 from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
-from fieldtruth.campaign.manifest import Failure, Manifest
-from fieldtruth.campaign.state import Kind, state_of
+from fieldtruth.campaign.state import Failure, Kind, Manifest, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.core.files import LOCK_OWNER
 from fieldtruth.core.progress import Silent

@@ -21,7 +21,7 @@ from scipy.ndimage import distance_transform_edt
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.state import state_at
+from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.interchange import write_scene

@@ -42,8 +42,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
-from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.track import stamps_at_rate
+from fieldtruth.drive.track import poses_at, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.record.streams import streams_of

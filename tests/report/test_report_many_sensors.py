@@ -24,7 +24,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
 from fieldtruth.core.readings import Inertial, Odometry
-from fieldtruth.drive.expected_path import pose_on_ground
+from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.card import cloud_frames, frame_content, note_lines, sensor_lines

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import transforms
-from fieldtruth.drive.readings import sweep_steps
+from fieldtruth.drive.track import sweep_steps
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment

@@ -20,7 +20,7 @@ from fieldtruth.bag.reader import BagError, RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.campaign.measure import _bytes_once
+from fieldtruth.campaign.estimate import _bytes_once
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate_by

@@ -20,8 +20,7 @@ from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
 from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.state import State
-from fieldtruth.drive.track import Motion
+from fieldtruth.drive.track import Motion, State
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 

@@ -18,22 +18,29 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.controller import (
+    DriveMonitor,
     FollowerState,
+    Nearing,
     WaypointFollower,
     antenna_geodetic,
     heading,
     horizontal_from_geodetic,
 )
-from fieldtruth.drive.hull import EVERY
-from fieldtruth.drive.monitor import DriveMonitor, Nearing
-from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
-from fieldtruth.drive.readings import sweep_steps
-from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
-from fieldtruth.drive.soil_contact import SoilContact
-from fieldtruth.drive.steps import due_step, steps_at_rate
-from fieldtruth.drive.surroundings import Following, FollowingState, Surroundings
-from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
-from fieldtruth.drive.wheel_contacts import Soil
+from fieldtruth.drive.physics import STOP, Command, ramp, resting_pose, wheel_speeds
+from fieldtruth.drive.soil import SoilContact
+from fieldtruth.drive.surroundings import EVERY, Following, FollowingState, Surroundings, WheelSoil
+from fieldtruth.drive.track import (
+    STEP_NS,
+    STEP_S,
+    Base,
+    Commands,
+    Motion,
+    Track,
+    WheelMotion,
+    due_step,
+    steps_at_rate,
+    sweep_steps,
+)
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
@@ -249,7 +256,7 @@ class SimulatedRobot:
         soil: what the ground does to the wheels; None for hard ground.
     """
 
-    def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: Soil | None = None) -> None:
+    def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: WheelSoil | None = None) -> None:
         self.steps = 0
         self._following = Following(world, rig, soil)
         self._rig = rig

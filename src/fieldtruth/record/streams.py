@@ -11,8 +11,7 @@ import numpy as np
 
 from fieldtruth.bag import base_messages, robot_messages, topics
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate
+from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output

@@ -16,8 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.state import State, state_at
-from fieldtruth.drive.track import Motion
+from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import Topic

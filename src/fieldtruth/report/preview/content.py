@@ -11,7 +11,7 @@ import numpy as np
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
-from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
+from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route

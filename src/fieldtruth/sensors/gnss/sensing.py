@@ -3,9 +3,7 @@
 """Readings of a GNSS receiver as a pure function of the true motion, without noise."""
 
 from fieldtruth.drive.controller import antenna_geodetic
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import GnssReadings, Motion
+from fieldtruth.drive.track import STEP_NS, GnssReadings, Motion, steps_at_rate
 from fieldtruth.sensors.gnss.config import GnssConfig
 
 

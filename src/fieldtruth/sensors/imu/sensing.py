@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz, xyzw_from_wxyz
-from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import ImuReadings, Motion
+from fieldtruth.drive.track import STEP_NS, STEP_S, ImuReadings, Motion, steps_at_rate
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.sensors.imu.config import ImuConfig
 
 

@@ -14,7 +14,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import BagError, RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.drive.state import poses_at
+from fieldtruth.drive.track import poses_at
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
