@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE
-from fieldtruth.bag.robot_messages import WORLD, rig_transforms
+from fieldtruth.bag.messages import BASE, WORLD, rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
@@ -20,6 +19,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Cylinder, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
