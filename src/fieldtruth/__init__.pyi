@@ -8,7 +8,7 @@ from .annotation import annotate as annotate
 from .bag.decode import Reading as Reading
 from .bag.decode import count_messages as count_messages
 from .bag.decode import read_bag as read_bag
-from .bag.errors import BagError as BagError
+from .bag.file import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
 from .campaign.config import Campaign as Campaign

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from fieldtruth.bag.messages import BASE, WORLD, rig_transforms
+from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
