@@ -16,15 +16,6 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import FORMATS, export
 
 FOREIGN = ("Husky", "left camera", "right camera", "left and right", "image_3", "both cameras", "four wheels")
-    "Husky",
-    "left camera",
-    "right camera",
-    "left and right",
-    "image_3",
-    "both cameras",
-    "four wheels",
-    "all cameras",
-)
 """Words of the paper's rig: a pair of cameras on a robot with four wheels."""
 WITHOUT_BOXES = ("kitti-object", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum")
 """They build the world again, need a pair or instances, or have no text."""
