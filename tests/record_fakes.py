@@ -40,6 +40,7 @@ from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensor import LidarSensor
+from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
@@ -214,7 +215,8 @@ class FakeEngine:
     lidar: Any = FakeLidar
     camera: Any = FakeCamera
 
-    def __call__(self, experiment: Experiment, given: object, progress: Progress) -> PreparedHere:
+    def __call__(self, simulation: Simulation, progress: Progress) -> PreparedHere:
+        experiment = simulation.experiment
         with progress.stage("build the world"):
             world = self.world(experiment)
         with progress.stage("drive", expected_seconds(experiment)):
@@ -225,7 +227,7 @@ class FakeEngine:
 
 def use_fakes(patch: pytest.MonkeyPatch) -> None:
     """Replace world building, driving and sensing for the command line and workers, which make runs by themselves."""
-    patch.setattr("fieldtruth.pipeline.world_of", FakeEngine.world)
+    patch.setattr("fieldtruth.simulation.stepped.world_of", FakeEngine.world)
     patch.setattr(
         "fieldtruth.simulation.motion.plan_and_drive", lambda world, experiment, _: make_track(world, experiment)
     )
