@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from fieldtruth.bag import made_by
+from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.core.errors import FieldtruthWarning
@@ -76,7 +76,7 @@ class PreparedHere(Driven):
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
-        made_by.note(folder, [made_by.this_process()])
+        provenance.note(folder, [provenance.this_process()])
         streams = self.streams()
         sensors = self.new_sensors or sensor_factory(self.sensor_world, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
@@ -118,7 +118,7 @@ def generate(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, made_by.json and checksums.
+    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, provenance.json and checksums.
 
     The bytes do not depend on the number of workers or on interruptions. A run that was interrupted, by Ctrl-C, a kill
     or a full disk, resumes when it is called again.
@@ -185,7 +185,7 @@ def _generate(
         whole = slices_folder / "whole.bag"
         slices.record(whole, cpu_count() if workers is None else workers, progress)
         with progress.stage("card and checksums"):
-            run.finish(whole, prepared.card(count_messages(whole)), made_by.noted(slices_folder))
+            run.finish(whole, prepared.card(count_messages(whole)), provenance.noted(slices_folder))
     return run.bag
 
 
