@@ -170,11 +170,13 @@ class FakeCamera:
         )
 
 
-def make_slices(folder: Path, experiment: Experiment) -> Slices:
-    """Slices of the fake recording."""
+def make_slices(folder: Path, experiment: Experiment, slice_ns: int = 10**9) -> Slices:
+    """Slices of the fake recording, by default of a second."""
     world = make_world(seed=experiment.seed)
     track, rig = make_track(world, experiment), experiment.rig
-    return Slices(folder, streams_of(world, track, rig), topics_of(rig), lambda: fake_sensors(world, rig))
+    return Slices(
+        folder, streams_of(world, track, rig), topics_of(rig), lambda: fake_sensors(world, rig), slice_ns=slice_ns
+    )
 
 
 def fake_sensors(world: World, rig: Rig, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> Sensors:

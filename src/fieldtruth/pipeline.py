@@ -118,7 +118,7 @@ def generate(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, provenance.json and checksums.
+    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, made_by.json and checksums.
 
     The bytes do not depend on the number of workers or on interruptions. A run that was interrupted, by Ctrl-C, a kill
     or a full disk, resumes when it is called again.
