@@ -34,6 +34,7 @@ from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.first_run import compile_beside, wait_for_kernels
 from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
@@ -125,6 +126,7 @@ def prepare(
     scene: Scene | None = None,
 ) -> PreparedHere:
     """Build the world, unless it is given, and drive, or follow the poses of a track file, in this process."""
+    compile_beside(experiment)
     if world is None:
         with progress.stage("build the world"):
             world = world_of(experiment) if scene is None else scene.world
@@ -224,6 +226,7 @@ def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress
     folder = run.slices(prepared.key)
     with progress.stage("prepare the scene"):
         slices = prepared.slices(folder)
+    wait_for_kernels(progress)
     whole = folder / "whole.bag"
     slices.record(whole, workers, progress)
     with progress.stage("card and checksums"):

@@ -23,6 +23,7 @@ from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of, stamps_of
 from fieldtruth.simulation.due import wanted_outputs
+from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.frame import Frame, frame_of
 from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.simulation.setup import experiment_for
@@ -62,6 +63,7 @@ def frames(
     wanted = wanted_outputs(made.rig, sensors)
 
     def drive() -> Iterator[Frame]:
+        compile_beside(made)
         there = world or world_of(made)
         sensor_world = SensorWorld(there, made.rig, made.light, made.weather, scene=scene, seed=made.seed)
         track = track_in(there, made, given)

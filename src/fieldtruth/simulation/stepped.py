@@ -18,6 +18,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import MotionSensor, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.due import Due, DueReadings, wanted_outputs
+from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.frame import Frame, frame_of
 from fieldtruth.simulation.motion import GrowingMotion, LiveMotion, MotionState, motion_of, with_given_track
 from fieldtruth.simulation.setup import experiment_for
@@ -135,6 +136,7 @@ class Simulation:
         made = self._experiment
         if self._sensor_world is None:
             self._route = None
+            compile_beside(made)
             world = world_of(made) if self._own_world is None else self._own_world
             self._sensor_world = SensorWorld(
                 world, made.rig, made.light, made.weather, scene=self._own_scene, seed=made.seed
