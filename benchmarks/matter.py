@@ -14,8 +14,8 @@ from scipy.signal import welch
 import fieldtruth as ft
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
+from fieldtruth.drive.ground import bearing_field
+from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.interchange.inventory import COLUMNS, inventory

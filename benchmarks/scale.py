@@ -21,10 +21,10 @@ from typing import NamedTuple
 
 from distributed import Future
 
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.growing import GrowingBag
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.writer import GrowingBag
 from fieldtruth.cluster import cluster_engine
-from fieldtruth.cluster.slices import ClusterSlices
+from fieldtruth.cluster.engine import ClusterSlices
 from fieldtruth.cluster.worker import Order
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.files import load_experiment, with_overrides

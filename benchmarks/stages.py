@@ -19,7 +19,7 @@ import fieldtruth as ft
 from fieldtruth.bench import settings_of, table
 from fieldtruth.bench.measure import peak_memory
 from fieldtruth.bench.recording import record, stretches_of
-from fieldtruth.drive.expected_path import experiments_in
+from fieldtruth.drive.plan import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.world.build import world_of

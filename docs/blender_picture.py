@@ -18,7 +18,7 @@ from matplotlib.image import imread
 
 import fieldtruth as ft
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.state import state_at
+from fieldtruth.drive.track import state_at
 from fieldtruth.interchange import write_scene
 
 SCRIPT = Path(__file__).parents[1] / "tests/interchange/blender_render.py"

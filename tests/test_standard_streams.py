@@ -94,7 +94,7 @@ def test_letters_that_the_encoding_lacks_are_replaced() -> None:
 
 def test_progress_that_nobody_reads_stops_no_work() -> None:
     code = (
-        "import sys; from fieldtruth.cli.streams import standard_streams, print_line\n"
+        "import sys; from fieldtruth.cli.terminal import standard_streams, print_line\n"
         "from fieldtruth.core.progress import show_progress\n"
         "with standard_streams():\n"
         "    for _ in range(3):\n"

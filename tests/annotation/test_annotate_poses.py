@@ -11,15 +11,14 @@ from annotate_bags import Kind, Message, drive, odometry, rough, standard, state
 
 from fieldtruth import annotation, cli
 from fieldtruth.annotation import annotate
-from fieldtruth.annotation.check import check_frames
-from fieldtruth.annotation.poses import Poses, read_poses
+from fieldtruth.annotation.check import Poses, check_frames, read_poses
+from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world

@@ -16,9 +16,9 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCova
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core import transforms
@@ -27,8 +27,8 @@ from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, TrackErro
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.exporters import export
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.validation.runner import validate
 
 RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])

@@ -5,10 +5,9 @@
 import re
 from pathlib import Path
 
-from fieldtruth.campaign.check import check_campaign
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import draw
-from fieldtruth.campaign.files import load_campaign
+from fieldtruth.campaign.files import check_campaign, load_campaign
 
 PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
 

@@ -15,10 +15,9 @@ from many_sensors import many_rig, many_sensors
 from record_fakes import make_experiment
 
 from fieldtruth.campaign.config import Campaign
-from fieldtruth.campaign.draw import PlannedRun, draw
-from fieldtruth.campaign.duration import simulated_s
+from fieldtruth.campaign.draw import PlannedRun, draw, simulated_s
 from fieldtruth.campaign.files import ALL, dump_campaign, load_campaign, with_changes
-from fieldtruth.campaign.manifest import digest_of
+from fieldtruth.campaign.state import digest_of
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import RandomRouteConfig

@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 from record_fakes import make_experiment
 
-from fieldtruth.campaign.amounts import clock, size
-from fieldtruth.campaign.duration import simulated_s
-from fieldtruth.campaign.estimate import combined, grouped
-from fieldtruth.campaign.measure import Figures
+from fieldtruth.campaign.draw import simulated_s
+from fieldtruth.campaign.estimate import Figures, combined, grouped
+from fieldtruth.campaign.state import clock, size
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import random_route

@@ -12,15 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
 from fieldtruth.campaign import jobs
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import draw
 from fieldtruth.campaign.estimate import estimate
 from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
-from fieldtruth.campaign.manifest import Failure, Manifest
-from fieldtruth.campaign.state import Kind, state_of
+from fieldtruth.campaign.state import Failure, Kind, Manifest, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.core.files import LOCK_OWNER
 from fieldtruth.core.progress import Silent

@@ -5,7 +5,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldtruth.campaign.shard import Shard, parse_shard, ranges
+from fieldtruth.campaign.draw import Shard, parse_shard, ranges
 
 
 @given(st.integers(0, 200), st.integers(1, 60))

@@ -15,11 +15,10 @@ from fieldtruth import cli
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.campaign import estimate
 from fieldtruth.campaign.config import Campaign
+from fieldtruth.campaign.draw import Shard
+from fieldtruth.campaign.estimate import Figures
 from fieldtruth.campaign.files import load_campaign
-from fieldtruth.campaign.manifest import MANIFEST, Manifest, digest_of
-from fieldtruth.campaign.measure import Figures
-from fieldtruth.campaign.shard import Shard
-from fieldtruth.campaign.state import State
+from fieldtruth.campaign.state import MANIFEST, Manifest, State, digest_of
 from fieldtruth.campaign.task import Options, generate_campaign, run_campaign
 from fieldtruth.core.errors import OutputError, RouteError
 from fieldtruth.core.files import locked

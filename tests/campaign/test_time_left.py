@@ -5,8 +5,7 @@
 import pytest
 
 from fieldtruth.campaign.draw import PlannedRun
-from fieldtruth.campaign.manifest import Manifest
-from fieldtruth.campaign.state import Kind, State, time_left_s
+from fieldtruth.campaign.state import Kind, Manifest, State, time_left_s
 from fieldtruth.experiment.config import Experiment
 
 

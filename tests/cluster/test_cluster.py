@@ -16,10 +16,8 @@ from unittest.mock import MagicMock
 import pytest
 
 from fieldtruth import cli
-from fieldtruth.bag.made_by import noted
-from fieldtruth.cluster import connection
-from fieldtruth.cluster.agreement import difference, facts
-from fieldtruth.cluster.recent import Recent
+from fieldtruth.bag.provenance import noted
+from fieldtruth.cluster.worker import Recent, difference, facts
 from fieldtruth.core.errors import ClusterError, FieldtruthError, UnknownNameError
 
 
@@ -71,7 +69,7 @@ def test_a_process_agrees_with_itself_and_not_with_others() -> None:
 
 def test_a_slice_that_comes_through_the_scheduler_names_what_made_it(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    from fieldtruth.cluster.slices import ClusterSlices
+    from fieldtruth.cluster.engine import ClusterSlices
     from fieldtruth.cluster.worker import Order
 
     order = Order("", "key", str(tmp_path), "token", 0)
@@ -116,7 +114,7 @@ def test_a_scheduler_that_does_not_answer_is_refused(
     refused: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(connection, "_PATIENCE_S", 0.5)
+    monkeypatch.setattr("fieldtruth.cluster._PATIENCE_S", 0.5)
     line = "no scheduler answers at tcp://127.0.0.1:9; start one with `dask scheduler`"
     assert line in refused("--scheduler tcp://127.0.0.1:9")
     (tmp_path / "file.json").write_text(json.dumps({"address": "tcp://127.0.0.1:9"}))

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.monitor import DriveMonitor
+from fieldtruth.drive.controller import DriveMonitor, WaypointFollower
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.wheel_contacts import Soil
+from fieldtruth.drive.surroundings import WheelSoil
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
@@ -140,7 +139,7 @@ def make_robot(
     start: tuple[float, float] = (0.0, 0.0),
     *,
     yaw_deg: float = 0.0,
-    soil: Soil | None = None,
+    soil: WheelSoil | None = None,
     rig: Rig | None = None,
 ) -> SimulatedRobot:
     """A settled robot without a route, by default the paper's."""

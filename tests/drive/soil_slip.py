@@ -6,9 +6,8 @@ import math
 
 from scipy.optimize import brentq
 
-from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.drive.soil import soil_rows
-from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig
 from fieldtruth.kernels.soil import Tyre, compaction, sinkage, slip_factor, traction
 
 ROBOT = RobotConfig()

@@ -10,8 +10,8 @@ from sense_worlds import at, box, trace_rays
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.bearing import BEARING_SPACING, bearing_field
-from fieldtruth.drive.robot import Command
+from fieldtruth.drive.ground import BEARING_SPACING, bearing_field
+from fieldtruth.drive.physics import Command
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.sense.scene import Scene

@@ -8,8 +8,7 @@ from drive_worlds import hills, make_experiment, make_world
 from series import fixes_along, imu_along, odometry_along, tachometers_along
 
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.steps import due_step, steps_at_rate
-from fieldtruth.drive.track import Track
+from fieldtruth.drive.track import Track, due_step, steps_at_rate
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -11,10 +11,8 @@ from series import fixes_along, imu_along, tachometers_along
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
-from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import Motion, Track, WheelMotion
+from fieldtruth.drive.track import STEP_NS, Motion, Track, WheelMotion, steps_at_rate
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.gnss.config import GnssConfig

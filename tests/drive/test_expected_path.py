@@ -6,7 +6,7 @@ import numpy as np
 from drive_worlds import make_experiment, make_world
 
 from fieldtruth.core import transforms
-from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
+from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.rig import Rig
 

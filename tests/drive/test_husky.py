@@ -8,8 +8,7 @@ import pytest
 from drive_worlds import F8, make_robot, make_world, tilted
 
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.physics import build_physics
-from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
+from fieldtruth.drive.physics import STOP, Command, build_physics, ramp, wheel_speeds
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.topic import WHEELS

@@ -10,13 +10,11 @@ from drive_worlds import hills, make_experiment, make_world, obstacle, with_ston
 from sense_worlds import at, box
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive import parts, surroundings, traversability
-from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.outlines import Outline, distance_to
-from fieldtruth.drive.parts import WorldParts
+from fieldtruth.drive import surroundings, traversability
+from fieldtruth.drive.ground import WorldParts, bearing_field
 from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.traversability import CELL, Traversability
+from fieldtruth.drive.traversability import CELL, Outline, Traversability, distance_to
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import random_route
 from fieldtruth.world.build import load_world
@@ -60,7 +58,7 @@ def near(outlines: list[Outline], point: Array) -> set[tuple[str, bytes]]:
 
 @pytest.fixture
 def many_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "WHOLE", 15.0)
+    monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 15.0)
 
 
 def test_a_map_of_tiles_equals_that_of_the_whole_world(request: pytest.FixtureRequest) -> None:
@@ -109,7 +107,7 @@ def test_a_drive_over_parts_equals_one_in_the_whole_world(monkeypatch: pytest.Mo
     world = make_world(hills)
     experiment = make_experiment([(9.0, 0.0)], start=(-9.0, 0.0), seconds=12.0)
     whole = drive(world, experiment).motion
-    monkeypatch.setattr(parts, "WHOLE", 15.0)
+    monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 15.0)
     monkeypatch.setattr(surroundings, "REACH", 3.0)
     monkeypatch.setattr(surroundings, "EDGE", 1.6)
     over_parts = drive(world, experiment).motion

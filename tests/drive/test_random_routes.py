@@ -12,13 +12,11 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive import parts, route_grid
-from fieldtruth.drive.kinematics import KinematicSimulator
-from fieldtruth.drive.plan import expected_seconds, plan_and_drive, plan_route
-from fieldtruth.drive.route_grid import RouteGrid
+from fieldtruth.drive.controller import KinematicSimulator
+from fieldtruth.drive.plan import TrialDrive, expected_seconds, plan_and_drive, plan_route
+from fieldtruth.drive.routes import RouteGrid
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import Traversability
-from fieldtruth.drive.trial import TrialDrive
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -213,8 +211,8 @@ def test_a_last_waypoint_that_is_not_reached_is_replaced(monkeypatch: pytest.Mon
 
 
 def short_reach(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "WHOLE", 20.0)
-    monkeypatch.setattr(route_grid, "REACH", 12.0)
+    monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 20.0)
+    monkeypatch.setattr("fieldtruth.drive.routes.REACH", 12.0)
 
 
 def test_paths_of_a_part_end_within_its_reach_and_small_worlds_are_one_part(monkeypatch: pytest.MonkeyPatch) -> None:

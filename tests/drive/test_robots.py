@@ -12,17 +12,16 @@ from numpy.testing import assert_allclose
 from series import odometry_along
 
 import fieldtruth as ft
-from fieldtruth.bag.base_messages import wheel_transforms
+from fieldtruth.bag.messages import wheel_transforms
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive import simulate
 from fieldtruth.drive.ground import bump_height
-from fieldtruth.drive.outlines import obstacle_height
+from fieldtruth.drive.physics import STOP, Command, body_boxes, servo_scale
 from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.robot import STOP, Command, body_boxes, servo_scale
-from fieldtruth.drive.soil_contact import SoilContact
-from fieldtruth.drive.traversability import Traversability
+from fieldtruth.drive.soil import SoilContact
+from fieldtruth.drive.traversability import Traversability, obstacle_height
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig

@@ -12,10 +12,9 @@ from drive_worlds import F8, make_experiment, make_robot, make_world, tilted
 from soil_slip import LOAD, TYRE, climbing_slip
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive.robot import STOP, Command
+from fieldtruth.drive.physics import STOP, Command
 from fieldtruth.drive.simulate import SimulatedRobot, drive
-from fieldtruth.drive.soil import SOILS, soil_rows
-from fieldtruth.drive.soil_contact import SoilContact
+from fieldtruth.drive.soil import SOILS, SoilContact, soil_rows
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.kernels.soil import compaction, sinkage
 from fieldtruth.world.materials import GROUND_TYPES

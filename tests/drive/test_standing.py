@@ -11,10 +11,9 @@ from drive_worlds import hills, make_experiment, make_world, obstacle, tilted
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive import parts
-from fieldtruth.drive.outlines import distance_to, obstacle_outlines
-from fieldtruth.drive.standing import standing_robot
+from fieldtruth.drive.plan import standing_robot
 from fieldtruth.drive.track import Motion
+from fieldtruth.drive.traversability import distance_to, obstacle_outlines
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.world.model import World
 
@@ -103,6 +102,6 @@ def test_a_world_without_free_ground_is_refused() -> None:
 def test_poses_in_a_world_of_many_parts_are_those_in_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     world = make_world(hills, obstacles=[obstacle("trunk", "cylinder", (0.3, 2.0), 4.0, -3.0)])
     whole = standing(world, count=8)
-    monkeypatch.setattr(parts, "WHOLE", 15.0)
+    monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 15.0)
     in_parts = standing(world, count=8)
     np.testing.assert_allclose(in_parts.position, whole.position, rtol=0.0, atol=1e-6)  # heights have 32 bits

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from drive_worlds import hills, make_experiment, make_world
 
-from fieldtruth.drive.robot import Command
+from fieldtruth.drive.physics import Command
 from fieldtruth.drive.simulate import Drive, drive
 from fieldtruth.drive.track import Motion, Track, WheelMotion
 from fieldtruth.experiment.route import geodetic_route

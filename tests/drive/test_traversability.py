@@ -10,9 +10,19 @@ from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted, with_
 from sense_worlds import at, box, make_mesh
 
 from fieldtruth.core import transforms
-from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.outlines import Outline, distance_to, gap_to, max_step, obstacle_outlines, stone_outlines
-from fieldtruth.drive.traversability import CELL, Blockage, Traversability, robot_radius
+from fieldtruth.drive.ground import bearing_field
+from fieldtruth.drive.traversability import (
+    CELL,
+    Blockage,
+    Outline,
+    Traversability,
+    distance_to,
+    gap_to,
+    max_step,
+    obstacle_outlines,
+    robot_radius,
+    stone_outlines,
+)
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, merge_meshes

@@ -8,10 +8,10 @@ from drive_worlds import F8, hills, make_experiment, make_world, obstacle, with_
 from sense_worlds import at, box
 
 from fieldtruth.core.errors import DriveError
-from fieldtruth.drive import parts, surroundings
+from fieldtruth.drive import surroundings
+from fieldtruth.drive.plan import TrialDrive
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.drive.trial import TrialDrive
 from fieldtruth.experiment.route import route_from_metres
 from fieldtruth.world.model import World
 
@@ -30,7 +30,7 @@ def stony_hills() -> World:
 @pytest.fixture(params=["one part", "parts"])
 def world(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> World:
     if request.param == "parts":
-        monkeypatch.setattr(parts, "WHOLE", 20.0)
+        monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 20.0)
         monkeypatch.setattr(surroundings, "REACH", 7.0)
     return stony_hills()
 

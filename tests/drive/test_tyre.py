@@ -8,7 +8,7 @@ from drive_worlds import F8, HeightFunction, make_robot, make_world, tilted
 from scipy.signal import welch
 
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.robot import Command
+from fieldtruth.drive.physics import Command
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
 

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from drive_worlds import F8, make_experiment, make_world, tilted
 
-from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.monitor import DriveMonitor
-from fieldtruth.drive.physics import build_physics
-from fieldtruth.drive.robot import STOP, Command
+from fieldtruth.drive.controller import DriveMonitor, WaypointFollower
+from fieldtruth.drive.physics import STOP, Command, build_physics
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.wheel_contacts import WheelContacts
+from fieldtruth.drive.surroundings import WheelContacts
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.kernels.soil import Wheels

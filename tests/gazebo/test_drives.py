@@ -18,7 +18,7 @@ from ros_drive import add_robot, drive_with_ros, missing_ros
 from fieldtruth.annotation import WorldConfig, annotate
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.drive.expected_path import experiments_in
+from fieldtruth.drive.plan import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import paper_rig

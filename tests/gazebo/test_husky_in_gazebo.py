@@ -24,8 +24,8 @@ from gazebo_run import wait as wait_for
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -18,9 +18,9 @@ from rig_models import add_rig, beams, tour
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground
-from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.sense.scene import Scene
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_chroot()), reason=missing_chroot() or "-")]

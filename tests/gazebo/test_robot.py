@@ -14,17 +14,17 @@ import trimesh
 import xacro
 import yourdfpy
 
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
+from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.gazebo.robot import Flavour, parts, write_robot
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -200,8 +200,8 @@ def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
     lidar = transforms.inverse(rig.lidar.mount.base_from_sensor)
     camera, intrinsics = rig.stereo, pinhole(rig.stereo)
-    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in shapes.body_shapes(rig)]
-    drawn += [(shapes.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
+    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in parts.body_shapes(rig)]
+    drawn += [(parts.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
     for shape, xyz in drawn:
         points = _surface(shape) + xyz
         x, y, z = transforms.transform(lidar, points).T
@@ -232,7 +232,7 @@ def test_the_robot_casts_no_shadow(classic: Path) -> None:
     assert drawn == dark
 
 
-def _surface(shape: shapes.Shape) -> Array:
+def _surface(shape: parts.Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
     mesh.apply_transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
     points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)

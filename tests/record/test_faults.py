@@ -23,8 +23,7 @@ from record_fakes import FakeCamera, FakeEngine, make_experiment, use_fakes
 
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import draw
-from fieldtruth.campaign.manifest import MANIFEST
-from fieldtruth.campaign.state import Kind, state_of
+from fieldtruth.campaign.state import MANIFEST, Kind, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.cli import main
 from fieldtruth.experiment.files import dump_experiment

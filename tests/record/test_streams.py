@@ -36,17 +36,16 @@ from fieldtruth.bag.decode import (
     stamp_ns,
     static_transforms,
 )
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
-from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.track import stamps_at_rate
+from fieldtruth.drive.track import poses_at, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.record.streams import streams_of
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 

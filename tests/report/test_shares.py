@@ -7,7 +7,7 @@ import pytest
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.drive.expected_path import pose_on_ground
+from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import shares as shares_module
 from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table

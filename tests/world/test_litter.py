@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
-from fieldtruth.drive.bearing import hard_surfaces
+from fieldtruth.drive.ground import hard_surfaces
 from fieldtruth.world.build import build_world
 from fieldtruth.world.litter import LITTER_BY_GROUND, SHAPES
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS

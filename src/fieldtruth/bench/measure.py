@@ -12,7 +12,7 @@ from fieldtruth.bench.sensors import measure_cameras, measure_lidars
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.expected_path import experiments_in
+from fieldtruth.drive.plan import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.sensors.kind import SensorWorld

@@ -4,31 +4,148 @@
 
 Every run has random generators of its own, one for each axis, so a run depends neither on those before it nor on the
 number of runs: a larger ``runs`` keeps the earlier ones. The layout of a world is drawn once per environment and seed.
+Every world, with all its runs, is in exactly one of train, val and test. Shards are the runs in N parts.
 """
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
-from fieldtruth.campaign.config import BUILT_IN, MOST_RUNS, PRODUCT, Campaign, axis, entries
-from fieldtruth.campaign.distributions import Tree, drawn
-from fieldtruth.campaign.split import splits_of
+from fieldtruth.bag.track_file import read_track_file
+from fieldtruth.campaign.config import BUILT_IN, MOST_RUNS, PRODUCT, Campaign, Tree, axis, drawn, entries
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.experiment.sections import SECTIONS
 
+T = TypeVar("T")
 _RUN, _LAYOUT, _SPLIT = range(3)
 _AXES: Final = ("environments", "seeds", "routes", "lights", "weathers", "rigs", "seconds")
+
+
+def simulated_s(experiment: Experiment) -> float:
+    """Return the simulated time [s]: until the route's end at the controller's speed, at most ``seconds``."""
+    if experiment.frames is not None:
+        return experiment.frames.count / FRAME_RATE
+    limit = float("inf") if experiment.seconds is None else experiment.seconds
+    if experiment.drive is not None:
+        if experiment.seconds is not None:
+            return limit
+        stamps = read_track_file(experiment.drive).poses.stamps_ns
+        return float(stamps[-1] - stamps[0]) / 1e9
+    route = experiment.route
+    if isinstance(route, RandomRouteConfig):
+        length = route.random.length_m
+    else:
+        length = float(np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1).sum())
+    return min(limit, length / experiment.control.speed)
+
+
+def motion_of(experiment: Experiment) -> str:
+    """Say what moves the robot: runs of one environment that differ in it differ in cost, too."""
+    if experiment.frames is not None:
+        return "frames"
+    if experiment.drive is not None:
+        return "track file"
+    return "random route" if isinstance(experiment.route, RandomRouteConfig) else "route"
+
+
+def splits_of(
+    worlds: Sequence[Hashable], shares: Mapping[str, float], rng_of: Callable[[int], np.random.Generator]
+) -> list[str]:
+    """Return the split of each run.
+
+    Worlds get their split in the order in which they first occur, so that later runs do not move earlier ones: the
+    first ones give every split a world, each other is drawn among the splits in proportion to the worlds that they
+    lack. A split never exceeds its share by a whole world.
+
+    Args:
+        worlds: the world of each run.
+        shares: share of the worlds by split; empty for no split, then all are "".
+        rng_of: random generator of the i-th world.
+
+    Raises:
+        ConfigurationError: fewer worlds than splits.
+    """
+    found: dict[Hashable, str] = {}
+    names = list(shares)
+    counts = np.zeros(len(names), int)
+    for world in worlds if names else ():
+        if world not in found:
+            lacking = np.array([*shares.values()]) * (len(found) + 1) - counts
+            empty = np.flatnonzero(counts == 0)
+            weights = np.maximum(lacking, 0.0)
+            drawn = rng_of(len(found)).choice(len(names), p=weights / weights.sum())
+            chosen = int(empty[0] if len(empty) else drawn)
+            counts[chosen] += 1
+            found[world] = names[chosen]
+    if len(found) < len(names):
+        raise ConfigurationError(
+            f"split: {', '.join(names[len(found) :])} would be empty, because the runs have {len(found)} "
+            f"world{'s' * (len(found) != 1)} (environments and seeds) for {len(names)} splits; give more seeds"
+        )
+    return [found.get(world, "") for world in worlds]
+
+
+class Shard(NamedTuple):
+    """Part ``part`` of ``parts``, counted from 1."""
+
+    part: int
+    parts: int
+
+    def has(self, k: int) -> bool:
+        """Whether run k, counted from 0, is in this part.
+
+        Each N runs in a row are in N different parts, in an order that moves on by one from row to row: parts differ by
+        at most one run, and a product whose axes have N entries does not put one environment into one part. With as
+        many parts as runs, part I is run I.
+        """
+        row, column = divmod(k, self.parts)
+        return (column + row) % self.parts == self.part - 1
+
+    def of(self, runs: Sequence[T]) -> list[T]:
+        """Return the runs of this part."""
+        return [run for k, run in enumerate(runs) if self.has(k)]
+
+
+def parse_shard(text: str) -> Shard:
+    """Parse "I/N", part I of N, counted from 1.
+
+    Raises:
+        ConfigurationError: another form, or a part that does not exist.
+    """
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+    if match is None:
+        raise ConfigurationError(f"a shard must be I/N, part I of N, such as 3/10, got {text!r}")
+    shard = Shard(int(match[1]), int(match[2]))
+    if not 1 <= shard.part <= shard.parts:
+        raise ConfigurationError(
+            f"a shard must be I/N with I from 1 to N, got {text!r}; as a SLURM array: --array=1-N, and N as a number, "
+            f"because SLURM_ARRAY_TASK_COUNT of a smaller array is smaller"
+        )
+    return shard
+
+
+def ranges(numbers: Iterable[int]) -> str:
+    """Write numbers as in a SLURM array: "1,4-7,12"."""
+    spans: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if spans and number == spans[-1][1] + 1:
+            spans[-1][1] = number
+        else:
+            spans.append([number, number])
+    return ",".join(str(first) if first == last else f"{first}-{last}" for first, last in spans)
 
 
 class PlannedRun(NamedTuple):

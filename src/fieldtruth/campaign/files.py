@@ -1,25 +1,33 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns as YAML files: recognise, load, override, and write the effective one."""
+"""Campaigns as YAML files: recognise, load, check, override, and write the effective one.
 
-from collections.abc import Mapping, Sequence
+A campaign is checked before it starts: names, both ends of every distribution against what experiments allow, and
+whether the folder holds another campaign.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
 
 import fieldtruth
-from fieldtruth.campaign.config import Campaign
-from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownNameError
+from fieldtruth.campaign.config import BUILT_IN, ROUTES, Campaign, Integers, Tree, axis, entries, extremes
+from fieldtruth.campaign.draw import PlannedRun, changed_values, draw
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputError, UnknownNameError
+from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
-from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted
+from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted, shortened
+from fieldtruth.experiment.sensor_families import EXTRAS
 from fieldtruth.experiment.signal_config import with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
+from fieldtruth.world.build import check_experiment, check_layout
 
 ALL: Final = "all"
 """Name of the campaign of the built-in experiments."""
@@ -137,3 +145,108 @@ def _validated(data: dict[str, Any], source: str) -> Campaign:
         return Campaign.model_validate(data)
     except ValidationError as report:
         raise configuration_error(Campaign, report, source) from report
+
+
+def check_campaign(campaign: Campaign, source: str) -> None:
+    """Check names, layouts and the ends of distributions; ``source``, a file for example, is put in front of errors.
+
+    Raises:
+        UnknownNameError: unknown environment or extra.
+        ConfigurationError: a value that is not allowed.
+    """
+    for experiment in campaign.experiments:
+        check_experiment(experiment, f"{source}: {experiment.name}")
+    for environment in () if campaign.experiments else entries(campaign.environments):
+        check_layout(environment, {}, source)
+    for environment, tree in campaign.layouts.items():
+        for position, end in _ends(f"layouts.{environment}", tree):
+            check_layout(environment, end, f"{source}: {position}")
+    _check_routes(campaign.routes, source)
+    for key, name in (("seeds", "seed"), ("lights", "light"), ("weathers", "weather"), ("rigs", "rig")):
+        for position, end in _ends(key, getattr(campaign, key)):
+            for experiment in campaign.experiments:
+                _check_values(changed_values(experiment, {name: end}), f"{source}: {position}: {experiment.name}")
+            if not campaign.experiments:
+                _check_values({name: end}, f"{source}: {position}")
+    for name in campaign.extras or ():
+        if name not in EXTRAS:
+            raise UnknownNameError("extra", name, EXTRAS, source)
+    runs = campaign.experiments or (() if campaign.routes == BUILT_IN else entries(campaign.routes))
+    if campaign.seconds is not None and runs and all(map(_has_frames, runs)):
+        raise ConfigurationError(f"{source}: seconds is for drives; of frames, frames.count says how many there are")
+    for end in extremes(campaign.seconds):
+        _check_values({"seconds": end}, source)
+
+
+def _has_frames(run: Experiment | Tree) -> bool:
+    return run.frames is not None if isinstance(run, Experiment) else isinstance(run, Mapping) and "frames" in run
+
+
+def _check_routes(tree: Tree, source: str) -> None:
+    for position, end in _ends("routes", tree):
+        if end == BUILT_IN:
+            continue
+        if isinstance(end, str) or end.keys() not in ({"random"}, {"frames"}):
+            raise ConfigurationError(f"{source}: {position} must be {ROUTES}, got {shortened(end)}")
+        if "frames" in end:
+            _check_values({"route": None, "frames": end["frames"]}, f"{source}: {position}")
+            continue
+        values = {"seed": 0} | end["random"] if isinstance(end["random"], dict) else end["random"]
+        _check_values({"route": {"random": values}}, f"{source}: {position}")
+
+
+def _ends(key: str, tree: Tree) -> Iterator[tuple[str, Any]]:
+    """Entries of an axis at the ends of their distributions, each with its position in the file."""
+    if tree is None:
+        return
+    found = axis(tree)
+    rows = found.integers if isinstance(found, Integers) else found.choice
+    for i, entry in enumerate(rows):
+        yield from ((f"{key}[{i}]" if len(rows) > 1 else key, end) for end in extremes(entry))
+
+
+def _check_values(values: dict[str, Any], source: str) -> None:
+    base = {"name": "x", "environment": "x", "route": {"random": {"length_m": 100, "seed": 0}}}
+    try:
+        Experiment.model_validate(base | values)
+    except ValidationError as report:
+        raise configuration_error(Experiment, report, source) from report
+
+
+def check_folder(campaign: Campaign, runs: tuple[PlannedRun, ...], out: Path) -> None:
+    """Check that a folder holds no other campaign; one that has every run of the stored one continues it.
+
+    Raises:
+        OutputError: the folder holds another campaign.
+    """
+    path = out / CAMPAIGN
+    if not path.exists():
+        return
+    try:
+        stored = load_campaign(path)
+        other = "" if stored == campaign or _has_every(runs, draw(stored)) else _differences(stored, campaign)
+    except FieldtruthError as error:
+        other = f"its {CAMPAIGN} cannot be read: {error}"
+    if other:
+        raise OutputError(
+            f"{out} holds another campaign ({other}); choose another --out, or replace it with --overwrite"
+        )
+
+
+def write_campaign(campaign: Campaign, out: Path) -> None:
+    """Write campaign.yaml; raises OutputError if that is not possible."""
+    path, text = out / CAMPAIGN, dump_campaign(campaign)
+    remove_abandoned(path)
+    with output_errors(path):
+        if not path.exists() or path.read_bytes() != text.encode():
+            write_atomically(path, text)
+
+
+def _has_every(runs: tuple[PlannedRun, ...], stored: tuple[PlannedRun, ...]) -> bool:
+    by_name = {run.name: run for run in runs}
+    return all(by_name.get(run.name) == run for run in stored)
+
+
+def _differences(stored: Campaign, campaign: Campaign) -> str:
+    keys = [key for key in type(campaign).model_fields if getattr(stored, key) != getattr(campaign, key)]
+    return f"different: {', '.join(keys) or 'built-in experiments of this version'}"

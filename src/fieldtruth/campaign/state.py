@@ -1,23 +1,103 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What of a campaign is done: the state of each run from the files in its folder."""
+"""State of each run of a campaign, from the files in its folder: a manifest if it is finished, or why it failed.
 
+The manifest is written last, so a run without one is not done.
+"""
+
+import hashlib
+import json
 from collections import Counter
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Final, NamedTuple, Self
+
+from pydantic import Field, ValidationError
 
 import fieldtruth
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.reader import BagError, open_bag
-from fieldtruth.campaign.draw import PlannedRun
-from fieldtruth.campaign.duration import simulated_s
-from fieldtruth.campaign.manifest import FAILURE, MANIFEST, Failure, Manifest, digest_of
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.campaign.draw import PlannedRun, simulated_s
+from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.fields import Frozen
 from fieldtruth.record.folder import is_in_use
 
+MANIFEST: Final = "manifest.json"
+FAILURE: Final = "failure.json"
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Scene = tuple[str, int, str, str]
+
+
+def clock(seconds: float) -> str:
+    """Write a time as "45 s", "12 min" or "5 h 20 min"."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def size(count: float) -> str:
+    """Write a number of bytes as "3.4 MB" or "212.4 GB"."""
+    return f"{count / 1e6:.1f} MB" if count < 1e9 else f"{count / 1e9:.1f} GB"
+
+
+class _Record(Frozen):
+    fieldtruth: str
+    """Version that wrote it."""
+    experiment: Digest
+    """Digest of the experiment; see ``digest_of``."""
+
+    def write(self, path: Path) -> None:
+        """Write the record atomically; folders are made."""
+        with output_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, json.dumps(self.model_dump(), indent=1) + "\n")
+
+    @classmethod
+    def read(cls, path: Path) -> Self | None:
+        """Read a record; None if it is missing or damaged."""
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError):
+            return None
+
+
+class Manifest(_Record):
+    """A finished run."""
+
+    bag: str
+    """Name of the bag."""
+    bytes: int
+    sha256: Digest
+    messages: dict[str, int]
+    """Number by topic."""
+    simulated_s: float
+    took_s: float
+    """Time [s] of the process that finished the run; what interrupted ones did before is not in it."""
+    world_s: float = 0.0
+    """Of it, time [s] for the world and its light, which later runs in the same light find in the cache."""
+
+
+class Failure(_Record):
+    """A run that ended with an error."""
+
+    reason: str
+    final: bool
+    """Whether the same version would fail again, as where no route is found."""
+
+
+def digest_of(experiment: Experiment) -> str:
+    """SHA-256 of the values of an experiment."""
+    return hashlib.sha256(json.dumps(experiment.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+
+def failure_of(experiment: Experiment, reason: str, *, final: bool) -> Failure:
+    """Record of a failure with the installed version."""
+    line = " ".join(reason.split())
+    return Failure(fieldtruth=fieldtruth.__version__, experiment=digest_of(experiment), reason=line, final=final)
 
 
 class Kind(StrEnum):

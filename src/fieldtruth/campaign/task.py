@@ -2,32 +2,52 @@
 # SPDX-License-Identifier: Apache-2.0
 """A whole campaign: check, draw, estimate, make what is left, and say what became of it."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from fieldtruth.campaign.amounts import clock, size
-from fieldtruth.campaign.bar import Shows, run_bar, silent
-from fieldtruth.campaign.check import check_campaign
 from fieldtruth.campaign.config import Campaign
-from fieldtruth.campaign.draw import PlannedRun, draw
+from fieldtruth.campaign.draw import PlannedRun, Shard, draw
 from fieldtruth.campaign.estimate import check_resources, estimate, free_bytes
-from fieldtruth.campaign.files import load_campaign
-from fieldtruth.campaign.folder import check_folder, write_campaign
-from fieldtruth.campaign.jobs import Outcome, make_runs
-from fieldtruth.campaign.manifest import Failure, Manifest
-from fieldtruth.campaign.run import STOPPING, Generate, run_one
-from fieldtruth.campaign.shard import Shard
-from fieldtruth.campaign.state import Kind, State, counts, state_of, time_left_s
+from fieldtruth.campaign.files import check_campaign, check_folder, load_campaign, write_campaign
+from fieldtruth.campaign.jobs import STOPPING, Generate, Outcome, make_runs, run_one
+from fieldtruth.campaign.state import Failure, Kind, Manifest, State, clock, counts, size, state_of, time_left_s
 from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.record.folder import new_folder
 
+Shows = Callable[[], AbstractContextManager[Progress]]
+"""Opens a display of progress, as ``fieldtruth.show_progress`` does."""
 Say = Callable[[str], None]
 """Receives lines for the user."""
+
+
+@contextmanager
+def silent() -> Iterator[Progress]:
+    """Show nothing."""
+    yield Silent()
+
+
+@contextmanager
+def run_bar(shows: Shows, name: str) -> Iterator[Progress]:
+    """Show the stages of a run that count simulated time, each as a bar with the name of the run."""
+    with shows() as progress:
+        yield _Named(progress, name)
+
+
+class _Named:
+    def __init__(self, progress: Progress, name: str) -> None:
+        self._progress = progress
+        self._name = name
+
+    @contextmanager
+    def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
+        inner = Silent() if total is None else self._progress
+        with inner.stage(f"{self._name}: {name}", total, done) as advance:
+            yield advance
 
 
 class Options(NamedTuple):

@@ -16,10 +16,9 @@ from contextlib import contextmanager
 from typing import Final, NoReturn, TextIO
 
 import fieldtruth
-from fieldtruth.cli import caching, campaigns, generation, processing, rigs, worlds
+from fieldtruth.cli import generation, processing, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError
-from fieldtruth.cli.interrupts import INTERRUPTED, interrupts
-from fieldtruth.cli.streams import standard_streams
+from fieldtruth.cli.terminal import INTERRUPTED, interrupts, standard_streams
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 USER_ERROR: Final = 2
@@ -151,11 +150,8 @@ def _build_parser() -> tuple[Parser, dict[str, Parser]]:
         return made
 
     generation.add_commands(command)
-    campaigns.add_commands(command)
     processing.add_commands(command)
     worlds.add_commands(command)
-    rigs.add_commands(command)
-    caching.add_commands(command)
     return parser, dict(subparsers.choices)
 
 

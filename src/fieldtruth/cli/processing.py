@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
-from fieldtruth.cli.campaigns import warn_of_missing
-from fieldtruth.cli.streams import print_output
+from fieldtruth.cli.generation import warn_of_missing
+from fieldtruth.cli.terminal import print_output
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""

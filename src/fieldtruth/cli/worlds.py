@@ -1,16 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands for worlds in other tools: scene, gazebo."""
+"""Sub-commands for worlds and rigs in other tools, and for the cache: scene, gazebo, rig, cache."""
 
 import argparse
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
-from fieldtruth.cli.streams import print_output
+from fieldtruth.cli.terminal import print_line, print_output
+from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
+    from fieldtruth.core.cache_folder import Entry
     from fieldtruth.experiment.config import Experiment
     from fieldtruth.world.model import World
 
@@ -19,12 +22,21 @@ examples:
   fieldtruth scene park --to gltf                        park_0.glb, for Blender, three.js and others
   fieldtruth scene lake --to obj --no-beyond --out lake  only what is inside the world's edge
 """
-
 _GAZEBO_EXAMPLES: Final = """\
 examples:
   fieldtruth gazebo park --flavour classic --out park     a package for Gazebo 11 and ROS 1; its README has commands
   fieldtruth gazebo lake --flavour both --no-beyond --out lake      lake/classic and lake/gz, without the land around
   fieldtruth gazebo park --flavour gz --experiment my.yaml --out my       with the sensors of an experiment
+"""
+_YAML: Final = (".yaml", ".yml")
+_ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": _YAML, "imu": _YAML}
+_RIG_EXAMPLES: Final = """\
+examples:
+  fieldtruth rig park_1                                  the tree of its frames and a table of its sensors
+  fieldtruth rig park_1 --preview                        park_1_rig.png: fields of view, blind spots
+  fieldtruth rig my.yaml --to urdf --out robot.urdf      for RViz and robot_state_publisher
+  fieldtruth rig my.yaml --to camchain                   the cameras for Kalibr
+  fieldtruth rig my.yaml --to imu                        the noise of the IMUs for Kalibr
 """
 
 
@@ -103,6 +115,73 @@ def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
     return like
 
 
+def _rig(options: argparse.Namespace) -> None:
+    if options.to is not None and options.preview:
+        raise UsageError("give either --to or --preview")
+    if options.to not in (None, *_ENDINGS):
+        raise UnknownNameError("format", options.to, _ENDINGS)
+    if options.preview:
+        _draw(options)
+        return
+    from fieldtruth.core.outputs import output_path
+    from fieldtruth.experiment.files import load_experiment
+
+    out = options.out
+    if out is not None:
+        endings = _ENDINGS[options.to or "tree"]
+        out = output_path(out, endings=endings, parents=False, overwrite=options.overwrite)
+    rig = load_experiment(options.experiment).rig
+    from fieldtruth.core.files import output_errors, write_atomically
+    from fieldtruth.report.rig import FORMATS, sensor_table
+
+    text = FORMATS[options.to](rig) if options.to is not None else f"{FORMATS['tree'](rig)}\n{sensor_table(rig)}"
+    if out is None:
+        print(text, end="")
+        return
+    with output_errors(out):
+        write_atomically(out, text)
+    print_line(f"{out}: {len(text.splitlines())} lines")
+
+
+def _draw(options: argparse.Namespace) -> None:
+    from fieldtruth.core.outputs import output_path
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.report.drawing.images import IMAGE_ENDINGS, write_image
+
+    experiment = load_experiment(options.experiment)
+    path = f"{experiment.name}_rig.png" if options.out is None else options.out
+    path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
+    # After the checks: the drawing library takes a second to load.
+    from fieldtruth.report.rig.picture import draw_rig
+
+    picture = draw_rig(experiment.rig, experiment.name)
+    write_image(path, picture, overwrite=options.overwrite)
+    print_output(path, f"{picture.shape[1]} x {picture.shape[0]} pixels")
+
+
+def _cache(options: argparse.Namespace) -> None:
+    from fieldtruth.core.cache import cache_folder
+    from fieldtruth.core.cache_folder import SIZE_VARIABLE, entries, remove_entries, size_limit
+
+    folder, limit = cache_folder(), size_limit()
+    found = entries(folder)
+    if options.clear:
+        print_line(f"{folder}: {remove_entries(found) / 1e6:.0f} MB removed")
+        return
+    for entry in found:
+        used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used))
+        print(f"{_kind(entry):<10}  {entry.size / 1e6:8.1f} MB  last used {used}  {entry.path.name}")
+    size = sum(entry.size for entry in found)
+    print(f"{folder}: {size / 1e9:.2f} of {limit / 1e9:g} GB; {SIZE_VARIABLE} sets the limit in GB")
+
+
+def _kind(entry: "Entry") -> str:
+    name = entry.path.name
+    if entry.path.is_dir():
+        return "kernels"
+    return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Arguments
 
@@ -129,3 +208,13 @@ def add_commands(command: AddCommand) -> None:
     )
     gazebo.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
     gazebo.add_argument("--overwrite", action="store_true", help="replace an existing package")
+
+    rig = command("rig", _rig, "Show the robot's frames and sensors, or write them for other tools.", _RIG_EXAMPLES)
+    rig.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
+    rig.add_argument("--to", metavar="FORMAT", help="tree, urdf, camchain or imu (the tree and a table of the sensors)")
+    rig.add_argument("--preview", action="store_true", help="draw the robot, its fields of view and its blind spots")
+    rig.add_argument("--out", metavar="FILE", help="file (NAME_rig.png with --preview, else the terminal)")
+    rig.add_argument("--overwrite", action="store_true", help="replace an existing file")
+
+    cache = command("cache", _cache, "List the cached worlds, baked light and compiled kernels.")
+    cache.add_argument("--clear", action="store_true", help="remove them; later commands make them again")

@@ -2,24 +2,136 @@
 # SPDX-License-Identifier: Apache-2.0
 """The engine that has world, drive and slices made by the workers of a Dask scheduler."""
 
+import time
 import uuid
-from collections.abc import Mapping
+import warnings
+from collections import deque
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from distributed import Client, Future
+from distributed import Client, Future, as_completed
 
+from fieldtruth.bag.provenance import note
 from fieldtruth.bag.topics import topics_of_run
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster import worker
-from fieldtruth.cluster.agreement import difference, facts
-from fieldtruth.cluster.errors import cluster_errors
-from fieldtruth.cluster.slices import ClusterSlices
-from fieldtruth.core.errors import ClusterError
-from fieldtruth.core.progress import Progress
+from fieldtruth.cluster.worker import Order, OtherWorkerError, cluster_errors, difference, facts, make_slice
+from fieldtruth.core.errors import ClusterError, FieldtruthWarning
+from fieldtruth.core.files import output_errors, write_atomically
+from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
+from fieldtruth.experiment.topic import Topic
+from fieldtruth.record.slices import SliceFolder
+
+_AHEAD: Final = 3
+"""Slices per thread that are submitted and not yet in the folder, so that results do not fill memory."""
+_COUNT_S: Final = 5.0
+"""Seconds between two looks at the number of threads: workers come and go."""
+_VISIBLE_S: Final = 90.0
+"""Seconds in which a network folder must show a file of another machine; NFS looks again after 60."""
+
+
+class ClusterSlices(SliceFolder):
+    """Slices in a folder of this machine, made by workers that have the track."""
+
+    def __init__(self, client: Client, order: Order, track: Future, topics: Sequence[Topic], end_ns: int) -> None:
+        super().__init__(Path(order.folder), topics, 0, end_ns)
+        self._client = client
+        self._order = order
+        self._track = track
+
+    def made(self, workers: int, advance: Advance) -> Generator[int]:
+        """Have the workers make the missing slices; ``workers`` counts threads of this process and is not used.
+
+        Raises:
+            OutputError: no space left, or the folder cannot be written.
+            ClusterError: workers or scheduler are lost, or all workers differ from this machine.
+        """
+        todo, ahead = deque(self.missing()), _Ahead(self._client)
+        running: dict[Future, int] = {}
+        with cluster_errors(), self._token():
+            done = as_completed(loop=self._client.loop)
+            try:
+                while todo or running:
+                    while todo and len(running) < ahead.count():
+                        future = self._submit(todo[0])
+                        running[future] = todo.popleft()
+                        done.add(future)
+                    future = next(done)
+                    k = running.pop(future)
+                    if self._keep(k, future):
+                        advance(self.seconds(k))
+                        yield k
+                    else:
+                        todo.append(k)
+            finally:
+                self._client.cancel(list(running))
+
+    def _submit(self, k: int) -> Future:
+        key = f"slice-{k:06d}-{uuid.uuid4().hex}"  # an earlier slices first
+        return self._client.submit(make_slice, self._order, self._track, k, key=key, priority=self._order.priority)
+
+    def _keep(self, k: int, future: Future) -> bool:
+        """Have the slice of a finished task in the folder; False if another worker must make it."""
+        if future.status == "finished" and self._is_here(k):
+            return True  # without asking for the result, which takes longer than all the rest
+        try:
+            made = future.result()
+        except OtherWorkerError as error:
+            self._dismiss(error)
+            return False
+        if made is not None:
+            content, maker = made
+            with output_errors(self.path(k), resumes=True):
+                note(self.folder, [maker])
+                write_atomically(self.path(k), content)
+        end = time.monotonic() + _VISIBLE_S
+        while not self._is_here(k):
+            if time.monotonic() > end:
+                raise ClusterError(f"a worker wrote {self.path(k)}, but it cannot be seen from here")
+            time.sleep(0.1)
+        return True
+
+    def _is_here(self, k: int) -> bool:
+        return k < self.joined or self.path(k).exists()  # a slice may be joined before its task is reported
+
+    def _dismiss(self, error: OtherWorkerError) -> None:
+        """Give a worker that differs from this machine, and came after the check at the start, no more slices."""
+        self._client.retire_workers([error.address])
+        if not self._client.nthreads():
+            raise ClusterError(f"{error}, and there is no other worker") from error
+        warnings.warn(f"{error}; it is dismissed", FieldtruthWarning, stacklevel=2)
+
+    @contextmanager
+    def _token(self) -> Iterator[None]:
+        """Put the file into the folder by which workers know that they see the same folder."""
+        token = self.folder / self._order.token
+        with output_errors(token):
+            token.touch()
+        try:
+            yield
+        finally:
+            token.unlink(missing_ok=True)
+
+
+class _Ahead:
+    """How many slices may be submitted at once."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._counted_at = -_COUNT_S
+        self._count = 0
+
+    def count(self) -> int:
+        """Return the limit for the present workers, at least 1."""
+        if time.monotonic() - self._counted_at > _COUNT_S:
+            self._count = max(1, _AHEAD * sum(self._client.nthreads().values()))
+            self._counted_at = time.monotonic()
+        return self._count
 
 
 class ClusterEngine:

@@ -3,35 +3,124 @@
 """Tasks that run on a worker: the drive, a slice, the card. A world is loaded once per process.
 
 A slice goes to the run's folder if the worker sees the same folder, which a token in it proves, else through the
-scheduler as bytes.
+scheduler as bytes. Slices of a worker have the client's bytes only if both have the same versions, code and worlds.
 """
 
+import platform
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future
+from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
-from typing import Final, NamedTuple
+from typing import Any, Final, Generic, NamedTuple, TypeVar
 
-from distributed import get_worker
+from distributed import KilledWorker, get_worker
+from distributed.comm import CommClosedError
 
-from fieldtruth.bag.made_by import Maker, this_process
+import fieldtruth
+from fieldtruth.bag.provenance import LIBRARIES, Maker, this_process
 from fieldtruth.bag.track_file import TrackFile
-from fieldtruth.cluster.errors import OtherWorkerError
-from fieldtruth.cluster.recent import Recent
+from fieldtruth.core.errors import ClusterError, SliceError
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.pipeline import PreparedHere
-from fieldtruth.record.slices import Slices
+from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.simulation.motion import track_in
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 
+Facts = Mapping[str, str]
+_KEY: Final = "key of the code"
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
 _KEPT: Final = 2
 """Worlds, and scenes with their light, that a worker keeps: a run, and the next one of a campaign."""
 
+
+def facts() -> Facts:
+    """Versions of this process, and the key of its code with all kinds of sensors; see ``slices_key``."""
+    load_added_kinds()
+    shared = {name: this_process()[name] for name in ("Python", *LIBRARIES)}
+    own = {"fieldtruth": fieldtruth.__version__, "processor": platform.machine()}
+    return own | shared | {_KEY: slices_key()}
+
+
+def difference(there: Facts, here: Facts) -> str:
+    """Say in what a worker differs from the client; empty if it does not."""
+    different = [f"{name} {there.get(name)} instead of {here[name]}" for name in here if there.get(name) != here[name]]
+    if len(different) > 1:  # the key follows from the versions
+        different = [text for text in different if not text.startswith(_KEY)]
+    return ", ".join(different)
+
+
+class Recent(Generic[K, V]):
+    """The ``size`` values used last. Threads that ask for a value while another one makes it wait for that."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._lock = Lock()
+        self._values: dict[K, Future[V]] = {}
+
+    def get(self, key: K, make: Callable[[], V]) -> V:
+        """Return the value of a key, which is made if it is not kept; an error of ``make`` is not kept."""
+        with self._lock:
+            value = self._values.pop(key, None)
+            mine = value is None
+            value = Future[V]() if value is None else value
+            self._values[key] = value  # the last in order is the last used
+            for oldest in list(self._values)[: -self._size]:
+                del self._values[oldest]
+        if mine:
+            try:
+                value.set_result(make())
+            except BaseException as error:
+                with self._lock:
+                    self._values.pop(key, None)
+                value.set_exception(error)
+        return value.result()
+
+
+class OtherWorkerError(ClusterError):
+    """The worker at ``address`` would make other slices than the client expects."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__(f"worker {address} has other code, libraries or worlds than this machine")
+        self.address = address
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep the address in another process."""
+        return type(self), (self.address,)
+
+
+@contextmanager
+def cluster_errors() -> Iterator[None]:
+    """Turn what Dask raises when it loses scheduler or workers into one clear line.
+
+    Raises:
+        ClusterError: what was lost; the same command resumes.
+        SliceError: a task ended one worker after the other.
+    """
+    again = "finished slices are kept, and the same command makes the rest"
+    try:
+        yield
+    except KilledWorker as error:
+        workers = f"{error.allowed_failures + 1} workers in turn, the last one {error.last_worker.address}"
+        raise SliceError(f"{error.task} ended {workers}; give them more memory; {again}") from error
+    except (CancelledError, CommClosedError, TimeoutError) as error:
+        raise ClusterError(f"the connection to the scheduler was lost; {again}") from error
+    except (ImportError, AttributeError) as error:
+        raise ClusterError(f"a worker does not have the fieldtruth of this machine: {error}") from error
+
+
 _worlds: Final = Recent[str, World](_KEPT)
+
+
 _slices: Final = Recent[str, Slices](_KEPT)
+
+
 _writing: Final = Recent[str, Lock](1000)
 
 

@@ -1,21 +1,39 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Waypoint follower of the paper's section 3: constant speed, turn rate proportional to the heading error.
+"""Waypoint follower of the paper's section 3, its kinematic simulation, and the monitor that ends a hopeless drive.
 
-Its only inputs are the latest fix of the GNSS antenna and the heading of the IMU; between two fixes it steers from the
-position of the last one.
+The follower drives with constant speed and a turn rate proportional to the heading error. Its only inputs are the
+latest fix of the GNSS antenna and the heading of the IMU; between two fixes it steers from the position of the last
+one.
+
+The kinematic simulation is a unicycle under this follower, milliseconds instead of minutes. Control law, fix rate,
+arrival distance and turn rate limit are those of the drive. A slope tilts the mast and with it the GNSS antenna: 15 deg
+shift it by 0.23 m, and the robot then drives that far beside its line.
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.geodesy import world_from_geodetic
-from fieldtruth.drive.robot import STOP, Command
-from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.core.errors import DriveError
+from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.core.readings import Fix
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
+from fieldtruth.drive.ground import slopes
+from fieldtruth.drive.physics import STOP, Command
+from fieldtruth.experiment.config import ControlConfig, Experiment
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.world.model import Heightfield, World
+
+_STEP_S: Final = 0.1
+_TIMEOUT_S: Final = 30.0
+MAX_TILT_DEG: Final = 60.0  # beyond it a Husky tips over: half track 0.29 m, centre of mass 0.19 m high
+STUCK_SECONDS: Final = 5.0
+STUCK_SHARE: Final = 0.2  # of the distance that the commanded speed makes in that time
+TIMEOUT_SECONDS: Final = 30.0  # without getting closer to the waypoint, in addition to the time for one full turn
 
 
 class FollowerState(NamedTuple):
@@ -91,3 +109,165 @@ def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
     latitude_longitude = np.asarray(geodetic, np.float64)
     height = np.zeros((*latitude_longitude.shape[:-1], 1))
     return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]
+
+
+def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
+    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
+    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
+    return geodetic_from_world(position + lever)
+
+
+def heading(quaternion_wxyz: Array) -> float:
+    """Heading [rad] of base_link (the attitude of an IMU, turned by its mount): 0 north, positive towards west."""
+    w, x, y, z = quaternion_wxyz
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+class KinematicState(NamedTuple):
+    """Position x, y [m], heading [rad], last GNSS fix [m] and its age [s]."""
+
+    x: float
+    y: float
+    heading: float
+    fix: tuple[float, float]
+    fix_age: float = 0.0
+
+
+class KinematicSimulator:
+    """Drives between waypoints with an experiment's control and GNSS receiver; without ``field``, on a plane."""
+
+    def __init__(self, experiment: Experiment, field: Heightfield | None = None) -> None:
+        self.control: ControlConfig = experiment.control
+        self._fix_period = 1.0 / experiment.rig.first(Fix).rate_hz
+        self._antenna = experiment.rig.first(Fix).mount.xyz
+        self._field = field
+        self._slopes = None if field is None else slopes(field, 2 * experiment.rig.wheels.half_track)
+
+    def start(self, start_xy: Array, ahead_xy: Array) -> KinematicState:
+        """State at ``start_xy`` [m], heading for ``ahead_xy``, with a first fix."""
+        x, y = map(float, start_xy)
+        heading = math.atan2(float(ahead_xy[1]) - y, float(ahead_xy[0]) - x)
+        return KinematicState(x, y, heading, self._fix_at(x, y, heading))
+
+    def drive_leg(self, state: KinematicState, target_xy: Array) -> tuple[Array, KinematicState | None]:
+        """Drive until a fix is within the arrival distance of ``target_xy`` [m].
+
+        Returns:
+            Poses (n, 3) of x, y [m] and heading [rad], the first one that of ``state``; and the state on arrival, None
+            if the robot never arrives but circles the target.
+        """
+        tx, ty = map(float, target_xy)
+        x, y, heading, fix, age = state
+        poses = [(x, y, heading)]
+        control = self.control
+        timeout = _TIMEOUT_S + math.tau / control.max_turn_rate + 2 * math.dist((x, y), (tx, ty)) / control.speed
+        for _ in range(int(timeout / _STEP_S)):
+            if math.dist(fix, (tx, ty)) < control.arrival_distance:
+                return np.array(poses), KinematicState(x, y, heading, fix, age)
+            turn = turn_rate(math.atan2(ty - fix[1], tx - fix[0]) - heading, control) * _STEP_S
+            x += control.speed * _STEP_S * math.cos(heading + turn / 2)
+            y += control.speed * _STEP_S * math.sin(heading + turn / 2)
+            heading += turn
+            poses.append((x, y, heading))
+            age += _STEP_S
+            if age >= self._fix_period - 1e-9:
+                age = max(0.0, age - self._fix_period) if age < 2 * self._fix_period else 0.0
+                fix = self._fix_at(x, y, heading)
+        return np.array(poses), None
+
+    def drive_route(self, corners: Array) -> tuple[list[Array], int | None]:
+        """Drive a route of start and waypoints (1 + n, 2) [m].
+
+        Returns:
+            Poses of each leg, and the index of the leg that never arrives, None if all do.
+        """
+        state = self.start(corners[0], corners[1])
+        legs = []
+        for row, target in enumerate(corners[1:]):
+            poses, arrived = self.drive_leg(state, target)
+            legs.append(poses)
+            if arrived is None:
+                return legs, row
+            state = arrived
+        return legs, None
+
+    def _fix_at(self, x: float, y: float, heading: float) -> tuple[float, float]:
+        forward, left, up = self._antenna
+        cos, sin = math.cos(heading), math.sin(heading)
+        slope_x, slope_y = self._slope_at(x, y)
+        lean = up / math.sqrt(1.0 + slope_x**2 + slope_y**2)
+        return x + cos * forward - sin * left - lean * slope_x, y + sin * forward + cos * left - lean * slope_y
+
+    def _slope_at(self, x: float, y: float) -> tuple[float, float]:
+        if self._field is None or self._slopes is None:
+            return 0.0, 0.0
+        nx, ny = self._field.heights.shape
+        i = min(max(round((x - self._field.x0) / self._field.spacing), 0), nx - 1)
+        j = min(max(round((y - self._field.y0) / self._field.spacing), 0), ny - 1)
+        return float(self._slopes[0][i, j]), float(self._slopes[1][i, j])
+
+
+class Nearing(NamedTuple):
+    """How the robot gets on: when [s] it was where, when it came nearer to its target, and to which [m]."""
+
+    moved_at: float
+    moved_from: tuple[float, float]
+    nearer_at: float
+    nearest: float
+    target: int
+
+
+class DriveMonitor:
+    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes."""
+
+    def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
+        self._half_size = (world.size[0] / 2, world.size[1] / 2)
+        self._field = world.terrain.field
+        self._wet = None if world.water_level is None else self._field.heights < world.water_level
+        self._follower = follower
+        self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
+        self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
+        self.progress = Nearing(0.0, (math.inf, math.inf), 0.0, math.inf, -1)
+
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array, *, is_following: bool = True) -> None:
+        """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck.
+
+        A robot that other commands than those of the follower drive is never stuck.
+        """
+        x, y = float(position[0]), float(position[1])
+        if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
+            self.fail("outside the world", time_s, x, y)
+        if self._wet is not None and self._wet[self._node(x, y)]:
+            self.fail("in the water", time_s, x, y)
+        up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
+        if up < math.cos(math.radians(MAX_TILT_DEG)):
+            self.fail("tipped over", time_s, x, y)
+        if not is_following:
+            self.progress = Nearing(time_s, (x, y), time_s, math.inf, -1)
+        elif not self._follower.finished:
+            self._check_progress(time_s, x, y)
+
+    def _node(self, x: float, y: float) -> tuple[int, int]:
+        """Nearest node of the terrain, which covers the whole world."""
+        field = self._field
+        return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
+
+    def _check_progress(self, time_s: float, x: float, y: float) -> None:
+        seen, target = self.progress, self._follower.target
+        if math.dist((x, y), seen.moved_from) > self._min_distance:
+            seen = seen._replace(moved_at=time_s, moved_from=(x, y))
+        elif time_s - seen.moved_at > STUCK_SECONDS:
+            self.fail(f"stuck (moved less than {self._min_distance:.2g} m in {STUCK_SECONDS:.0f} s)", time_s, x, y)
+        distance = math.dist((x, y), self._follower.waypoints_xy[target])
+        if target != seen.target or distance < seen.nearest - 0.1:
+            seen = seen._replace(nearer_at=time_s, nearest=distance, target=target)
+        elif time_s - seen.nearer_at > self._timeout:
+            self.fail(f"stuck (no closer to its waypoint for {self._timeout:.0f} s)", time_s, x, y)
+        self.progress = seen
+
+    def fail(self, what: str, time_s: float, x: float, y: float) -> None:
+        """Raise ``DriveError``: the robot is ``what`` at this time [s] and position [m]."""
+        count = len(self._follower.waypoints_xy)
+        number = min(self._follower.target + 1, count)
+        where = f"at {time_s:.2f} s, x, y = {x:.2f}, {y:.2f} m"
+        raise DriveError(f"robot {what} {where}, heading for waypoint {number} of {count}")

@@ -1,8 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanical parameters of the soil of each ground type.
+"""Soil under the wheels of a driving robot: its parameters, and what it does to each contact in each step.
 
-Sources, seen as tables in open sources unless "quoted from memory":
+The ground types are mixed by the weights that the renderer mixes their colours by; across the edges of trails and of
+their borders they change within a tyre's width, so that no force jumps. What is mixed is the result of the law, not its
+parameters, as stiffness with different exponents has no mean. Stones that rise above the soil by more than ``PRESSED``
+bear the wheel as rock; smaller ones are pressed into it.
+
+Sources of the parameters, seen as tables in open sources unless "quoted from memory":
 
 - [W] Wong, Theory of Ground Vehicles, 4th edition 2008, table of terrain values: k_c, k_phi, n, c, phi. Shear
   deformation modulus K: 25 mm in dry sand; 6 mm in clay of the greatest density, 10 mm in firm sand (from memory).
@@ -29,9 +34,19 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.drive.ground import bearing_field
+from fieldtruth.drive.track import STEP_S
+from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.kernels.soil import Grid, Tyre, Wheels, step_soil
+from fieldtruth.world.model import Raster, World
 
 HARD: Final = 1e11
 """k_phi [N/m^3] of ground that does not yield: a wheel of the robot sinks by 0.01 mm."""
+PRESSED: Final = 0.02  # [m]
+UNNAMED: Final = "trodden_earth"
+"""The ground type of materials that name none."""
+_NO_STONES: Final = Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
 
 
 @dataclass(frozen=True)
@@ -73,3 +88,68 @@ SOILS: Final[Mapping[str, Soil]] = {
 def soil_rows(ground_types: tuple[str, ...]) -> Array:
     """Parameters (n, 7) of ground types, in the order of ``Soil``'s fields."""
     return np.array([astuple(SOILS[name]) for name in ground_types])
+
+
+class SoilContact:
+    """The soil of a world, without stones until a part is entered; call it before every step of the physics.
+
+    ``state`` (n, 3) is what it remembers of the wheels from one step to the next.
+
+    Args:
+        world: supplies ground types and trails.
+        wheels: supplies the size of the tyres.
+        replaced: soils, by name, that replace those of ground types of the world.
+
+    Raises:
+        ConfigurationError: a name in ``replaced`` that is no ground type of the world, or no soil.
+    """
+
+    def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str]) -> None:
+        self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
+        terrain = world.terrain
+        self._cover = _grid(terrain.cover), _grid(terrain.trail_distance)
+        self._stones = _grid(_NO_STONES)
+        self._border_width = terrain.border_width
+        self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
+        self.state = np.zeros((len(wheels.names), 3))
+
+    def enter(self, part: World) -> None:
+        """Find the stones of the part of the world in which the wheels are from now on."""
+        self._stones = _grid(_stones(part))
+
+    def __call__(self, wheels: Wheels) -> None:
+        """Set friction, drag, torque and sinkage of the wheels for the next step."""
+        ground = *self._cover, self._stones, self._border_width
+        step_soil(self._soils, ground, self._tyre, wheels, self.state, STEP_S)
+
+
+def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:
+    """Name of the soil of each material of the cover, of the trail and of its border."""
+    terrain = world.terrain
+    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    types = [world.materials[name].ground_type or UNNAMED if name in world.materials else UNNAMED for name in names]
+    for ground_type, soil in replaced.items():
+        if ground_type not in types:
+            hint = suggestion(ground_type, sorted(set(types)))
+            raise ConfigurationError(f"soil: {world.name} has no ground type {ground_type!r}; {hint}")
+        if soil not in SOILS:
+            raise ConfigurationError(f"soil.{ground_type}: unknown soil {soil!r}; {suggestion(soil, SOILS)}")
+    return tuple(replaced.get(name, name) for name in types)
+
+
+def _stones(world: World) -> Raster:
+    """1 where a stone bears the wheels, 0 on the soil."""
+    bearing, soil = bearing_field(world), world.terrain.field
+    if bearing is soil:
+        return _NO_STONES
+    x, y = (
+        start + bearing.spacing * np.arange(count)
+        for start, count in zip((bearing.x0, bearing.y0), bearing.heights.shape, strict=True)
+    )
+    high = np.stack([row > soil.height_at(at, y) + PRESSED for at, row in zip(x, bearing.heights, strict=True)])
+    return Raster(values=high.astype(np.float32), spacing=bearing.spacing, x0=bearing.x0, y0=bearing.y0)
+
+
+def _grid(raster: Raster) -> Grid:
+    values = raster.values if raster.values.ndim == 3 else raster.values[..., None]
+    return np.ascontiguousarray(values), raster.x0, raster.y0, 1 / raster.spacing

@@ -1,41 +1,171 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The physics of the robot and the part of a world around it; in large worlds it moves from part to part.
+"""The robot in the part of a world around it: contacts of tyres and hull with the ground; large worlds part by part.
 
-A part begins with the state of the one before. Its ground and obstacles are the same where both have them, but MuJoCo's
-positions are relative to a part's corner and its obstacles have other numbers, so that a drive over several parts
-differs from one in the whole world by rounding. Worlds up to ``parts.WHOLE`` have one part.
+Ground. The cubic B-spline through the nodes of a heightfield: height, slope and curvature have no jumps, while the
+triangles between the same nodes, which the sensors see, have an edge every cell. A control value lies beyond the
+heights of the nodes around it by no more than a bump as curved as the wheel needs, so the spline does not swing beside
+a step: there it rounds the edge by up to a cell instead of passing through the nodes.
+
+Tyre. A pneumatic tyre envelops what is smaller than its contact patch. Here each tyre is a bed of springs: at points of
+the unloaded tread, every 2 deg along and five across, the depth below the ground at right angles to it is a pressure
+along the ground's normal. Their sum is the force of the bed. The equivalent ground plane (Davis 1975, A radial-spring
+terrain-enveloping tire model, Vehicle System Dynamics 4, 55-69) has the direction of that force and lies as deep in the
+tyre as a plane that makes the same force; on a plane it is that plane, whatever the number of points. The patch moves
+over an edge bit by bit, so the plane has no jumps, and a wheel that loses the ground has no contact.
+
+Stiffness. A thin tyre of radius R and section radius s that is pressed in by d has a contact area of about
+2 pi sqrt(R s) d (two crossing circles), so at a pressure p its stiffness is 2 pi p sqrt(R s) (Hadekel 1952, The
+mechanical characteristics of pneumatic tyres, quoted from memory). A Husky's tyre is 13 x 5.00-6: R = 0.165 m,
+s = 0.064 m; at 90 kPa (13 psi, as mowers on tyres of this size have it) 58 kN/m. The carcass with its lugs is assumed
+to add a fifth. Under 123 N it yields by 1.8 mm, in a patch of 5 cm. The radius of the rig's wheels is the loaded one.
+Damping: a tenth of the critical one; free vibrations of tractor tyres decay with 0.05 to 0.15 (quoted from memory). So
+the robot, which has no other springs, heaves at 12 Hz.
+
+Contacts. Before every step the plane of each wheel is laid, and the soil makes friction, drag and torque of load and
+slip. The planes are bodies without a velocity for MuJoCo, so its contact damping sees the motion of the wheel alone; a
+plane that is shifted or turned within itself moves nothing. MuJoCo looks for contacts between chassis and ground only
+where the ground is near: on ground of 5 cm that search takes a quarter of a step's time, and nearly always finds
+nothing.
+
+Parts. A part begins with the state of the one before. Its ground and obstacles are the same where both have them, but
+MuJoCo's positions are relative to a part's corner and its obstacles have other numbers, so that a drive over several
+parts differs from one in the whole world by rounding. Worlds up to ``WHOLE`` have one part.
 """
 
-from typing import Final, NamedTuple
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.hull import Hull
-from fieldtruth.drive.parts import WorldParts
-from fieldtruth.drive.physics import build_physics
-from fieldtruth.drive.robot import CHASSIS_BIT
-from fieldtruth.drive.soil_contact import SoilContact
-from fieldtruth.drive.wheel_contacts import Soil, WheelContacts
+from fieldtruth.drive.ground import WorldParts, bearing_field
+from fieldtruth.drive.physics import CHASSIS_BIT, body_boxes, build_physics, plane_geom, supports
+from fieldtruth.drive.soil import SoilContact
+from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.kernels.soil import OTHER, Wheels, pull, sort_loads
+from fieldtruth.kernels.tyre import Patches, SmoothGround, clearance, press
 from fieldtruth.world.model import Heightfield, World
 
+_MARGIN: Final = 3  # nodes added around the heightfield, with the heights of its edge
+WheelSoil = Callable[[Wheels], None]
+"""Called before every step; it reads the wheels, and sets friction, drag, torque and sinkage in place."""
+EVERY: Final = 20
+"""Steps of the physics from one look at the ground to the next."""
+NEAR: Final = 0.05
+"""Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 4 cm at 5 m/s where a slope of 20 deg
+begins."""
+_PITCH: Final = 0.1
+"""Greatest distance [m] between the points of the chassis at which the ground below is looked up."""
 REACH: Final = 20.0
 """[m] of a part around the robot along x and y when it is made."""
 EDGE: Final = 4.0
 """[m] to its edge at which the next part is made: the robot is within 1.2 m, a node has no effect beyond 2 m."""
-
-
 _STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class Tread(NamedTuple):
+    """Loaded radius, half width and deflection under the load at rest, each [m]."""
+
+    radius: float
+    half_width: float
+    deflection: float
+
+
+def smooth_ground(field: Heightfield, tread: Tread) -> SmoothGround:
+    """Return the spline through the nodes of ``field``; the radius of ``tread`` bounds its overshoot."""
+    heights = np.pad(field.heights.astype(np.float64), _MARGIN, mode="edge")
+    beyond = field.spacing**2 / (6 * tread.radius)
+    lowest, highest = minimum_filter(heights, 3) - beyond, maximum_filter(heights, 3) + beyond
+    control = np.clip(spline_filter(heights, order=3, mode="mirror"), lowest, highest)
+    # Cell (i, j) is shaped by the control values i - 1 to i + 2. Rounded up to single precision.
+    ceiling = np.nextafter(maximum_filter(control, 4, origin=-1, mode="nearest").astype(np.float32), np.float32(np.inf))
+    around = maximum_filter(ceiling, 2 * math.ceil(tread.half_width / field.spacing) + 1, mode="nearest")
+    shift = _MARGIN * field.spacing
+    return SmoothGround(control, ceiling, around, field.x0 - shift, field.y0 - shift, 1 / field.spacing)
+
+
+class WheelContacts:
+    """Lays the plane below each wheel and caster before a step (``update``), and reads the loads after it (``read``).
+
+    ``model`` and ``data`` are MuJoCo's, ``field`` is what bears the wheels. A caster meets the ground as it is: no soil
+    acts on it.
+    """
+
+    def __init__(self, model: Any, data: Any, field: Heightfield, rig: Rig, soil: WheelSoil | None = None) -> None:
+        self._data = data
+        self._soil = soil
+        bearing, count, n = supports(rig), len(supports(rig)), len(rig.wheels.names)
+        self._treads = np.array([Tread(s.radius, s.width / 2, s.deflection(rig.robot)) for s in bearing])
+        self._ground = smooth_ground(field, Tread(self._treads[:, 0].min(), self._treads[:, 1].max(), 0.0))
+        self._hubs = np.array([support.hub for support in bearing])
+        self._patches = Patches(
+            data.mocap_pos, data.mocap_quat, np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
+        )
+        self._load, self._sinkage = np.zeros(count), np.zeros(count)
+        self.wheels = Wheels(
+            position=data.mocap_pos[:n],
+            load=self._load[:n],
+            velocity=self._patches.velocity[:n],
+            rolling=self._patches.rolling[:n],
+            friction=model.pair_friction[:n, :2],
+            drag=np.zeros(n),
+            torque=data.qfrc_applied[-n:],
+            sinkage=self._sinkage[:n],
+        )
+        # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
+        self._kind = np.full(model.ngeom, OTHER)
+        planes = [plane_geom(support.geom) for support in bearing]
+        self._kind[[model.geom(name).id for name in (*planes, "ground")]] = range(count + 1)
+        self._state = data.qpos, data.qvel
+        first = model.body(rig.wheels.names[0]).id
+        self._force = data.xfrc_applied[first : first + n, :3]
+
+    def update(self) -> None:
+        """Lay the planes for the next step, and let the soil act."""
+        press(self._ground, self._treads, self._hubs, *self._state, self._sinkage, self._patches)
+        if self._soil is not None:
+            self._soil(self.wheels)
+            pull(self._patches.forward, self.wheels.drag, self._force)
+
+    def read(self) -> bool:
+        """Read the loads of the step that was made; return whether the robot touches more than the ground."""
+        contacts = self._data.contact
+        return sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)
+
+
+class Hull:
+    """The underside of the chassis above ``field``."""
+
+    def __init__(self, field: Heightfield, rig: Rig) -> None:
+        # Half a pitch, a node, and what it moves until the next look: 2 cm at 1 m/s.
+        faster = max(rig.robot.max_speed - 1.0, 0.0) * EVERY * STEP_S
+        reach = int(np.ceil((_PITCH + faster) / field.spacing)) + 1
+        self._highest = maximum_filter(field.heights, 2 * reach + 1, mode="nearest")
+        self._field = field
+        box = body_boxes(rig)["chassis"]
+        low, high = box.centre - box.size / 2, box.centre + box.size / 2
+        x, y = (np.linspace(low[k], high[k], int(np.ceil(box.size[k] / _PITCH)) + 1) for k in range(2))
+        self._points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), low[2])], axis=-1).reshape(-1, 3)
+
+    def is_near_ground(self, qpos: Array) -> bool:
+        """Whether some ground is less than ``NEAR`` below the chassis.
+
+        ``qpos`` begins with base_link's position [m] and quaternion_wxyz.
+        """
+        return bool(
+            clearance(self._highest, self._field.x0, self._field.y0, self._field.spacing, self._points, qpos) < NEAR
+        )
 
 
 class Surroundings:
     """Model and state in MuJoCo, the wheels' contacts and the hull of a robot in ``part`` of a world."""
 
-    def __init__(self, part: World, rig: Rig, soil: Soil | None) -> None:
+    def __init__(self, part: World, rig: Rig, soil: WheelSoil | None) -> None:
         self.bearing: Heightfield = bearing_field(part)
         self.model, self._obstacles = build_physics(part, rig)
         self.data = mujoco.MjData(self.model)
@@ -86,7 +216,7 @@ class FollowingState(NamedTuple):
 class Following:
     """The surroundings of a robot that moves through ``world``."""
 
-    def __init__(self, world: World, rig: Rig, soil: Soil | None) -> None:
+    def __init__(self, world: World, rig: Rig, soil: WheelSoil | None) -> None:
         self._parts, self._rig, self._soil = WorldParts(world), rig, soil
         self._middle = np.zeros(2)
         self._here: Surroundings | None = None

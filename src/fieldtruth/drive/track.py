@@ -1,15 +1,25 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a drive: the true motion at the physics rate and commands; and series of readings that it makes."""
+"""Result of a drive: the true motion at the physics rate, its state at any stamp, commands, and series of readings.
 
+A sensor of the motion reads at the physics step nearest to its due time, and the reading carries that step's own stamp;
+for rates that divide 1000 Hz the two are equal.
+"""
+
+import math
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.experiment.rig import Rig
 
+STEP_NS: Final = 1_000_000
+"""A step of the physics [ns]."""
+STEP_S: Final = STEP_NS / 1e9
 Stamps = NDArray[np.int64]
 """Simulated time (n,) [ns]."""
 _Columns = TypeVar("_Columns", "Motion", "WheelMotion")
@@ -174,3 +184,73 @@ def stamps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Stamp
     first, last = (count_at_rate(rate_hz, time_ns) for time_ns in (since_ns, duration_ns))
     stamps: Stamps = np.rint(np.arange(first + 1, last + 1) * (1e9 / rate_hz)).astype(np.int64)
     return stamps
+
+
+class State(NamedTuple):
+    """True state of base_link in the world; units and frames as in ``Motion``, each of shape (3,) or (4,)."""
+
+    position: Array
+    quaternion_wxyz: Array
+    linear_velocity: Array
+    angular_velocity: Array
+
+    @property
+    def world_from_base(self) -> Array:
+        """Pose (4, 4) of base_link in the world."""
+        return transforms.pose_from_quaternion_wxyz(self.position, self.quaternion_wxyz)
+
+
+def state_at(motion: Motion, stamp_ns: int) -> State:
+    """State at a stamp [ns]: the motion's row at that stamp, or linear between its neighbours.
+
+    Stamps of rates that do not divide 1000 Hz lie between rows. Quaternions are interpolated linearly and normalised: a
+    robot turns by less than a milliradian in a step, where this and slerp agree to 1e-10 rad. Before the first and
+    after the last row, the nearest row is returned.
+    """
+    row = int(np.searchsorted(motion.stamps_ns, stamp_ns))
+    if row == 0 or row == len(motion.stamps_ns) or motion.stamps_ns[row] == stamp_ns:
+        return _row(motion, min(row, len(motion.stamps_ns) - 1))
+    before, after = _row(motion, row - 1), _row(motion, row)
+    start, end = motion.stamps_ns[row - 1 : row + 1]
+    share = float(stamp_ns - start) / float(end - start)
+    same_sign = after.quaternion_wxyz * np.copysign(1.0, before.quaternion_wxyz @ after.quaternion_wxyz)
+    after = after._replace(quaternion_wxyz=same_sign)
+    mixed = State(*((1.0 - share) * a + share * b for a, b in zip(before, after, strict=True)))
+    return mixed._replace(quaternion_wxyz=mixed.quaternion_wxyz / np.linalg.norm(mixed.quaternion_wxyz))
+
+
+def poses_at(motion: Motion, stamps_ns: Stamps) -> Array:
+    """Poses (n, 4, 4) of base_link in the world at stamps (n,) [ns], to rounding those of ``state_at``.
+
+    A spinning LiDAR needs one for each column; one by one, they would take longer than its rays.
+    """
+    last = len(motion.stamps_ns) - 1
+    after = np.clip(np.searchsorted(motion.stamps_ns, stamps_ns), min(1, last), last)
+    before = np.maximum(after - 1, 0)
+    start, end = motion.stamps_ns[before], motion.stamps_ns[after]
+    share = np.clip((stamps_ns - start) / np.maximum(end - start, 1), 0.0, 1.0)[:, None]
+    a, b = motion.quaternion_wxyz[before], motion.quaternion_wxyz[after]
+    b = b * np.copysign(1.0, np.einsum("ni,ni->n", a, b))[:, None]
+    mixed = (1.0 - share) * a + share * b
+    position = (1.0 - share) * motion.position[before] + share * motion.position[after]
+    return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+
+
+def _row(motion: Motion, k: int) -> State:
+    return State(motion.position[k], motion.quaternion_wxyz[k], motion.linear_velocity[k], motion.angular_velocity[k])
+
+
+def steps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Counts:
+    """Physics steps (n,), counted from 1, of the readings of a sensor that are due after one time and up to another."""
+    return np.rint(stamps_at_rate(rate_hz, duration_ns, since_ns) / STEP_NS).astype(np.int64)
+
+
+def due_step(rate_hz: float, number: int) -> int:
+    """Return the physics step of the reading with this number, from 1, as ``steps_at_rate`` has it."""
+    return round(round(number * (1e9 / rate_hz)) / STEP_NS)
+
+
+def sweep_steps(rig: Rig) -> int:
+    """Physics steps from a stamp until the last rays of its scan or photograph leave; see ``SensorConfig.late_s``."""
+    late_s = max((sensor.late_s for sensor in rig.sensors if sensor.enabled), default=0.0)
+    return math.ceil(round(1e9 * late_s, 3) / STEP_NS)

@@ -7,10 +7,8 @@ import warnings
 from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
-from fieldtruth.drive.given_motion import motion_along, track_along
-from fieldtruth.drive.inside import check_motion
-from fieldtruth.drive.readings import sweep_steps
-from fieldtruth.drive.track import Track
+from fieldtruth.drive.given_motion import check_motion, motion_along, track_along
+from fieldtruth.drive.track import Track, sweep_steps
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.world.model import World
 

@@ -18,7 +18,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
+from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts

@@ -16,10 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
+from fieldtruth.drive.track import STEP_NS, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts

@@ -14,8 +14,7 @@ from typing import Any, Final
 
 from fieldtruth.core import transforms
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import Stamps, Track
+from fieldtruth.drive.track import Stamps, Track, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.topic import Output
 from fieldtruth.record.sensors import Series, sensor_factory, series_of

@@ -14,8 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.track import Stamps, Track, count_at_rate
+from fieldtruth.drive.track import STEP_NS, Stamps, Track, count_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output

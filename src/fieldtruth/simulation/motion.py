@@ -12,13 +12,21 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.plan import plan_and_drive
-from fieldtruth.drive.robot import Command
+from fieldtruth.drive.physics import Command
+from fieldtruth.drive.plan import plan_and_drive, standing_robot
 from fieldtruth.drive.simulate import Checkpoint, Drive, SimulatedRobot
-from fieldtruth.drive.standing import standing_robot
-from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import Base, Commands, Motion, Stamps, Track, WheelMotion, joined, rows_of
+from fieldtruth.drive.track import (
+    STEP_NS,
+    Base,
+    Commands,
+    Motion,
+    Stamps,
+    Track,
+    WheelMotion,
+    joined,
+    rows_of,
+    state_at,
+)
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
 from fieldtruth.world.model import World

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fieldtruth.core.errors import ConfigurationError, DriveError
-from fieldtruth.drive.physics import STEP_NS, STEP_S
+from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.robot import Command
 from fieldtruth.drive.simulate import SimulatedRobot
+from fieldtruth.drive.track import STEP_NS, STEP_S
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene

@@ -7,11 +7,10 @@ from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
-from fieldtruth.drive.physics import FRICTION
-from fieldtruth.drive.robot import skid_compensation
+from fieldtruth.drive.physics import FRICTION, skid_compensation
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.gazebo.robot import contact, parts, shapes
+from fieldtruth.gazebo.robot import parts
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
@@ -70,17 +69,16 @@ def _values(rig: Rig) -> dict[str, Any]:
         "rig": rig,
         "topics": topics,
         "geodesy": geodesy,
-        "contact": contact,
         "parts": parts,
         "friction": FRICTION,
         "defaults": ARGUMENTS,
         "frames": parts.fixed_frames(rig),
         "antennas": {antenna.frame for antenna in rig.antennas},
-        "shapes": shapes.body_shapes(rig),
-        "tread": shapes.wheel_shape(rig),
-        "near": shapes.NEAR,
-        "yellow": shapes.YELLOW,
-        "black": shapes.BLACK,
+        "shapes": parts.body_shapes(rig),
+        "tread": parts.wheel_shape(rig),
+        "near": parts.NEAR,
+        "yellow": parts.YELLOW,
+        "black": parts.BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
         "chassis_mass": chassis_mass,

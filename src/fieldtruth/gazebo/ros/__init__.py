@@ -3,7 +3,9 @@
 """A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,16 +24,15 @@ from fieldtruth.experiment.config import DriveConfig, Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
-from fieldtruth.gazebo.robot.shapes import observers
-from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
-from fieldtruth.gazebo.ros.rviz import rviz_configuration
+from fieldtruth.gazebo.robot.parts import cloud_topic, observers
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.world.model import World
 
 _DEPENDENCIES: Final = {
@@ -70,6 +71,84 @@ _DEFAULTS: Final = {name: str(value).lower() for name, value in ARGUMENTS.items(
     "rviz": "false",
     "record": "",
 }
+
+
+def rviz_configuration(rig: Rig, ros: int) -> str:
+    """Return RViz's file for ROS 1 or 2: the cloud of each LiDAR, photograph and tag image of each camera or pair."""
+    text = (files("fieldtruth.gazebo.ros") / "templates" / "fieldtruth.rviz").read_text(encoding="utf-8")
+    text = "".join(_displays(block, rig) for block in re.split(r"(?m)^(?=    - Class: |  \w)", text))
+    text = _without_axes(text, rig)
+    if ros == 1:
+        return text
+    for panel in ("Displays", "Time", "Selection", "Views", "Tool Properties"):
+        text = text.replace(f"Class: rviz/{panel}\n", f"Class: rviz_common/{panel}\n")
+    # RViz of ROS 2 takes the transport from the end of the topic's name.
+    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: raw", r"Topic: \1", text)
+    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: (\w+)", r"Topic: \1/\2", text)
+    return text.replace("Class: rviz/", "Class: rviz_default_plugins/")
+
+
+def _displays(block: str, rig: Rig) -> str:
+    """Repeat the display of a sensor for each sensor of that kind; with several, its name has theirs."""
+    if "- Class: rviz/PointCloud2\n" in block:
+        each = [(lidar.name, lidar.topic) for lidar in rig.lidars]
+    elif "- Class: rviz/Image\n" in block:
+        each = [(camera.name, camera.imagers()[0].topic) for camera in rig.cameras]
+    else:
+        return block
+    suffixes = [f", {name}" if len(each) > 1 else "" for name, _ in each]
+    return "".join(
+        re.sub(r"(Name: .*)", rf"\1{suffix}", block)
+        .replace("Topic: /os1_cloud_node/points\n", f"Topic: {topic}\n")
+        .replace("Topic: /stereo/camera/left/", f"Topic: {topic}/")
+        for suffix, (_, topic) in zip(suffixes, each, strict=True)
+    )
+
+
+def _without_axes(text: str, rig: Rig) -> str:
+    """Hide the cameras' frames, which their optical frames hide, and have the time follow the first cloud."""
+    hidden = "        {}:\n          Value: false\n"
+    cameras = [imager.frame for s in rig.sensors if isinstance(s, CameraConfig) for imager in s.imagers()]
+    paper = "".join(hidden.format(f"{side}_camera") for side in ("left", "right"))
+    text = text.replace(paper, "".join(hidden.format(frame) for frame in cameras))
+    name = f"cloud by class, {rig.lidars[0].name}" if len(rig.lidars) > 1 else "cloud by class"
+    return text.replace("SyncSource: cloud by class\n", f"SyncSource: {name if rig.lidars else ''}".rstrip() + "\n")
+
+
+def bridge_table(rig: Rig) -> list[dict[str, Any]]:
+    """Return the rows of ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
+    infos = [imager.topic_of("camera_info") for imager in rig.imagers]
+    return [
+        _row(topics.CLOCK, "rosgraph_msgs/msg/Clock", "Clock"),
+        _row(topics.TF, "tf2_msgs/msg/TFMessage", "Pose_V"),
+        _row(topics.ODOMETRY, "nav_msgs/msg/Odometry", "Odometry"),
+        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.imus),
+        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.antennas),
+        _row(JOINT_STATES, "sensor_msgs/msg/JointState", "Model"),
+        _row(topics.COMMANDS, "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
+        *(
+            _row(lidar.topic, "sensor_msgs/msg/PointCloud2", "PointCloudPacked", gz=f"{cloud_topic(lidar)}/points")
+            for lidar in rig.lidars
+        ),
+        *(_row(f"{info}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=info) for info in infos),
+    ]
+
+
+def image_topics(rig: Rig) -> list[str]:
+    """Topics of images, the same in Gazebo and ROS; ROS's image transport adds the compressed ones."""
+    photographs = [imager.topic_of("photograph").removesuffix("/compressed") for imager in rig.imagers]
+    kinds = ("labels_map", "colored_map")
+    return [*photographs, *(f"{imager.topic}/segmentation/{kind}" for imager in rig.imagers for kind in kinds)]
+
+
+def _row(ros: str, ros_type: str, gz_type: str, *, gz: str = "", direction: str = "GZ_TO_ROS") -> dict[str, Any]:
+    return {
+        "ros_topic_name": ros,
+        "gz_topic_name": gz or ros,
+        "ros_type_name": ros_type,
+        "gz_type_name": f"gz.msgs.{gz_type}",
+        "direction": direction,
+    }
 
 
 def builtin_experiments(environment: str) -> tuple[Experiment, ...]:

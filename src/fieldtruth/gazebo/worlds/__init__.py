@@ -11,13 +11,12 @@ import numpy as np
 
 from fieldtruth.core import geodesy
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
-from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
-from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, write_glb, write_obj
-from fieldtruth.gazebo.worlds.textures import texture_file, write_textures
+from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, texture_file, write_glb, write_obj, write_textures
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface, tiles_of_swarms
 from fieldtruth.render.daylight import sun_direction

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID, Label
-from fieldtruth.drive.bearing import HARD
+from fieldtruth.drive.ground import HARD
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.surfaces import Surface, beyond_edge, merged_swarms, mesh_surfaces
 from fieldtruth.world.model import LITTER, Collider, Mesh, Swarm, World

@@ -6,6 +6,7 @@ Gazebo 11 reads OBJ fast (two million triangles in 5 s), but crashes on a file w
 has one, which also shows the texture in other tools.
 """
 
+from collections.abc import Set
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.interchange.glb import INDICES, VERTICES, Glb
-from fieldtruth.interchange.surfaces import Surface
+from fieldtruth.interchange.ground import ground_images, ground_tiles
+from fieldtruth.interchange.surfaces import Surface, encode_image, material_image
+from fieldtruth.world.model import World
 
 FINE: Final = (5, 3, 2)
 """Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence.
@@ -87,3 +90,21 @@ def write_glb(path: Path, surface: Surface) -> None:
         mesh = glb.add("meshes", {"name": path.stem, "primitives": [primitive]})
         glb.add("scenes", {"nodes": [glb.add("nodes", {"name": path.stem, "mesh": mesh})]})
         glb.save(path)
+
+
+def texture_file(world: World, material: str) -> str:
+    """Name of the image of a material, or of a tile of the ground.
+
+    It starts with the world's name, because Gazebo 11 finds textures by name in all folders of models.
+    """
+    return f"{world.name}_{material}.jpg"
+
+
+def write_textures(folder: Path, world: World, materials: Set[str]) -> None:
+    """Write the images of these materials; those that are not the world's are tiles of its ground."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in sorted(materials & world.materials.keys()):
+        (folder / texture_file(world, name)).write_bytes(encode_image(material_image(world, name)))
+    tiles = [tile for tile in ground_tiles(world) if tile.name in materials]
+    for tile, jpeg in zip(tiles, ground_images(world, tiles), strict=True):
+        (folder / texture_file(world, tile.name)).write_bytes(jpeg)

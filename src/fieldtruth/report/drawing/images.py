@@ -66,8 +66,7 @@ def write_image(path: Path, image: NDArray[np.uint8], *, overwrite: bool = False
     Raises:
         OutputError: as ``output_path``, or the disk refuses.
     """
-    from fieldtruth.core.png import encode_png
-    from fieldtruth.report.drawing.images import jpeg_below
+    from fieldtruth.core.png import encode_png  # late: the command line checks its arguments first
 
     output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=overwrite)
     data = jpeg_below(image, LARGEST_JPEG) if is_jpeg(path) else encode_png(image)

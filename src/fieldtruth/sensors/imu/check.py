@@ -14,7 +14,7 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.sensors.imu.check_noise import IMU_NOISE, ImuNoise
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import point_velocity, rotation_vector

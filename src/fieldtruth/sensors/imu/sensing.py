@@ -8,17 +8,14 @@ force would miss coning and sculling (Savage, Strapdown Inertial Navigation Inte
 Guidance, Control, and Dynamics 21, 1998); the rotation vector and the change of velocity of the interval contain both.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz, xyzw_from_wxyz
-from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import ImuReadings, Motion
+from fieldtruth.drive.track import STEP_NS, STEP_S, ImuReadings, Motion, steps_at_rate
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.sensors.imu.config import ImuConfig
 
 
@@ -79,12 +76,6 @@ def rotation_vector(before_wxyz: Array, after_wxyz: Array) -> Array:
     before, after = (Rotation.from_quat(xyzw_from_wxyz(q)) for q in (before_wxyz, after_wxyz))
     vectors: Array = (before.inv() * after).as_rotvec()
     return vectors
-
-
-def heading(quaternion_wxyz: Array) -> float:
-    """Heading [rad] of base_link (the IMU's attitude, turned by its mount): 0 north, positive towards west."""
-    w, x, y, z = quaternion_wxyz
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -> Array:

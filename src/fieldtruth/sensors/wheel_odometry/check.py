@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import JOINTS, WHEEL_FRAMES, wheel_transforms
 from fieldtruth.bag.decode import matrix
+from fieldtruth.bag.messages import JOINTS, WHEEL_FRAMES, wheel_transforms
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -136,7 +136,7 @@ class Wheels(Checker):
         turn = float((base_from_world @ state.angular_velocity)[2])
         sides = [speeds[side::2] * wheels.radius for side in (0, 1)]
         left, right = (float(side.mean()) for side in sides)
-        # A skid-steered robot turns more slowly than its wheels suggest: see drive/robot.py.
+        # A skid-steered robot turns more slowly than its wheels suggest: see drive/physics.py.
         skid = 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
         apart = max(float(np.ptp(side)) for side in sides)
         self._tally[SLIP].measure(max(apart, abs(ahead - (left + right) / 2)), at(raw))

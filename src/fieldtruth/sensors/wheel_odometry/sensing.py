@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.robot import skid_compensation
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import Stamps, TachometerReadings, WheelMotion, WheelOdometry
+from fieldtruth.drive.physics import skid_compensation
+from fieldtruth.drive.track import STEP_NS, Stamps, TachometerReadings, WheelMotion, WheelOdometry, steps_at_rate
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 

@@ -1,26 +1,32 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and standard error that may be closed, full, or unable to hold a character.
+"""The terminal: standard output and error that may be closed, full or unable to hold a character, and Ctrl-C.
 
 A command's exit code is that of its work. A reader that goes away (``| head``) is no error, and what is printed after
 that is dropped; letters that the encoding lacks are replaced. A device that is full is an error where the text is the
 result, and a warning where it only names the file that was written.
+
+The first Ctrl-C stops the work in order, a second one ends the process at once; either is one line.
 """
 
 import errno
 import io
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final, TextIO, cast
+from typing import Any, Final, NoReturn, TextIO, cast
 
 from fieldtruth.core.errors import FieldtruthWarning, OutputError
 
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ESHUTDOWN)
 """What a pipe or socket says whose reader has ended."""
+INTERRUPTED: Final = 130
+"""Exit code."""
+_SHOW_CURSOR: Final = "\x1b[?25h\n"  # bars of progress hide it
 
 
 class _Guarded:
@@ -88,3 +94,39 @@ def print_output(path: Path, what: str = "") -> None:
     size = f"{sum(file.stat().st_size for file in files) / 1e6:.1f} MB"
     parts = [what, count if path.is_dir() else "", size]
     print_line(f"{path}: {', '.join(filter(None, parts))}")
+
+
+@contextmanager
+def interrupts(line: str, *, restore: bool) -> Iterator[None]:
+    """Raise KeyboardInterrupt at the first Ctrl-C; at a second one print ``line`` and end the process, as a kill would.
+
+    After a KeyboardInterrupt, more of them are ignored; with ``restore``, until the context has ended. Where Ctrl-C
+    has another meaning (in a thread, in a background job), nothing changes.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+
+    def stop(number: int, frame: object) -> NoReturn:
+        signal.signal(signal.SIGINT, end)
+        raise KeyboardInterrupt
+
+    def end(number: int, frame: object) -> NoReturn:
+        cursor = _SHOW_CURSOR if sys.stderr.isatty() else ""
+        with suppress(OSError):  # it has no reader
+            os.write(2, f"{cursor}{line}\n".encode())
+        os._exit(INTERRUPTED)
+
+    try:
+        signal.signal(signal.SIGINT, stop)
+    except ValueError:  # not the main thread
+        yield
+        return
+    try:
+        yield
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # while the process ends
+        raise
+    finally:
+        if restore:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
