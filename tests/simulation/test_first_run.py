@@ -16,14 +16,14 @@ import pytest
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.render.bake import BakedScene, lit_scene
 from fieldtruth.simulation import first_run
-from fieldtruth.validation.context import RebuiltWorld
+from  import RebuiltWorld
 
 BEGIN = """
 import sys, time
 from fieldtruth.core import parallel
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.simulation import first_run
-from fieldtruth.validation.context import RebuiltWorld
+from  import RebuiltWorld
 first_run.cpu_count = lambda: 2
 for _ in range(2):
     first_run.compile_beside(load_experiment("park_1"))
