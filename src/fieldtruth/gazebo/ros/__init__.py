@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
+"""A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz.
+
+Topics of the newer Gazebo come to ROS 2 through ros_gz_bridge; images through ros_gz_image.
+"""
 
 import json
 import re
