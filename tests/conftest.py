@@ -18,8 +18,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check, world
-from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
@@ -106,15 +106,16 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def park(small_run: Path) -> RebuiltWorld:
-    """World and scene of park_1."""
-    found, why = world.rebuild(open_run(small_run), quick=False, full=True, progress=Silent())
+def park(small_run: Path) -> SensorWorld:
+    """World, scene and light of park_1."""
+    found, why = world.rebuild(open_run(small_run), quick=False, progress=Silent())
     assert found is not None, why
+    assert found.baked
     return found
 
 
 @pytest.fixture(scope="module")
-def in_park(park: RebuiltWorld) -> Iterator[None]:
+def in_park(park: SensorWorld) -> Iterator[None]:
     """Runs in park_1's world use it with its scene and light as they are built, because to load them takes seconds."""
     from fieldtruth.render.bake import bake
     from fieldtruth.sense.scene import Scene
@@ -127,7 +128,7 @@ def in_park(park: RebuiltWorld) -> Iterator[None]:
 
     def baked(scene: Scene, towards: LightConfig, weather: WeatherConfig) -> "BakedScene":
         same = weather.is_clear and (scene, towards) == (park.scene, light)
-        return park.baked if same and park.baked is not None else bake(scene, towards, weather)
+        return park.baked if same else bake(scene, towards, weather)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fieldtruth.pipeline.world_of", lambda e: park.world if is_park(e) else world_of(e))
@@ -138,10 +139,10 @@ def in_park(park: RebuiltWorld) -> Iterator[None]:
 
 
 @pytest.fixture
-def validate_in_park(park: RebuiltWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
+def validate_in_park(park: SensorWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
     """``validate`` with the world already built."""
 
-    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[RebuiltWorld | None, str]:
+    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[SensorWorld | None, str]:
         return (None, "quick") if quick else (park, "")
 
     monkeypatch.setattr(world, "rebuild", rebuild)

@@ -30,9 +30,9 @@ from fieldtruth.experiment.signal_config import FORMS
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
@@ -194,7 +194,7 @@ def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
     assert {name: (kind.partition(" ")[0], rate) for name, (kind, rate) in listed.items()} == true
 
 
-def test_the_readmes_script_runs(park: RebuiltWorld, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_readmes_script_runs(park: SensorWorld, capsys: pytest.CaptureFixture[str]) -> None:
     """With a short drive in the park's world for each of its two."""
     [snippet] = re.findall(r"```python\n(.*?)```", README, flags=re.S)
     assert snippet in (ROOT / "docs/simulation.md").read_text(encoding="utf-8")

@@ -19,8 +19,8 @@ from fieldtruth.drive.plan import standing_robot
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check
-from fieldtruth.validation.context import RebuiltWorld
 
 SMALL = {"cameras": {"width": 320, "height": 184, "instances": True}}
 SKIPPED = {"motion", "imu", "gnss", "wheels", "wheel odometry", "commands", "depth"}
@@ -119,7 +119,7 @@ def test_a_duration_cannot_be_given_to_frames() -> None:
         with_overrides(frames_experiment(), seconds=2.0)
 
 
-def test_the_reader_gives_each_frame_its_own_pose(frames_run: Path, park: RebuiltWorld) -> None:
+def test_the_reader_gives_each_frame_its_own_pose(frames_run: Path, park: SensorWorld) -> None:
     frames = RunDataset(frames_run, ["image", "mask", "cloud", "labels", "instances", "pose"])
     assert len(frames) == 4
     expected = standing_robot(park.world, frames_experiment()).motion

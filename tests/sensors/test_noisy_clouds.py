@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, floating
 
 from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.sensors.lidar.check_points import NoiseTally, ideal_points
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.validation.check import Check
-from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points
 
 signal_of = LidarSignal.model_validate
 

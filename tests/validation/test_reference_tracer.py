@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.lidar import Scan
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.rays import NOTHING, RayReading, mismatches
 from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
@@ -27,7 +27,7 @@ POSE = transforms.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
 CONFIG = LidarConfig(columns=32, rings=24, min_range=0.5, max_range=60.0)
 
 
-def plain(park: RebuiltWorld, *, trail_edge_at: float = 1e3, shrunk: float = 1.0) -> World:
+def plain(park: SensorWorld, *, trail_edge_at: float = 1e3, shrunk: float = 1.0) -> World:
     """A box of bark, turned by 90 deg about z, above a plane at height 0; the trail begins at an x [m].
 
     The mesh is larger than the box by ``shrunk``, the pose makes it smaller again.
@@ -67,10 +67,10 @@ def reading(
     origin: tuple[float, ...], direction: tuple[float, ...], range_m: float, label: int, instance: int
 ) -> RayReading:
     unit = np.array(direction) / np.linalg.norm(direction)
-    return RayReading("here", np.array(origin), unit, range_m, label, instance, 0.0, 100.0, lidar=False, in_base=RAY)
+    return RayReading("here", np.array(origin), unit, range_m, label, instance, 0.0, 100.0, pulsed=False, in_base=RAY)
 
 
-def test_ranges_on_a_box_and_a_plane_match_the_closed_form(park: RebuiltWorld) -> None:
+def test_ranges_on_a_box_and_a_plane_match_the_closed_form(park: SensorWorld) -> None:
     world = plain(park)
     tracer = ReferenceTracer(world)
     origins = np.array([[0, 0.3, 20.4], [10.2, 0.1, 30], [10.2, -5.1, 20], [3, 4, 7.0], [0, 2.5, 20]])
@@ -88,7 +88,7 @@ def test_ranges_on_a_box_and_a_plane_match_the_closed_form(park: RebuiltWorld) -
 RIGHT = reading((0, 0.3, 20.4), (1, 0, 0), 8.0, Label.TRUNK, 2)
 
 
-def test_right_reading_passes_and_each_wrong_one_mismatches(park: RebuiltWorld) -> None:
+def test_right_reading_passes_and_each_wrong_one_mismatches(park: SensorWorld) -> None:
     world = plain(park)
     wrong = [
         RIGHT._replace(label=Label.ROCK),
@@ -119,7 +119,7 @@ def test_right_reading_passes_and_each_wrong_one_mismatches(park: RebuiltWorld) 
 
 
 @pytest.mark.parametrize(("shrunk", "inside"), [(1.0, 1e-7), (1.0, 2.5e-5), (10.0, 2.5e-5), (0.1, 2.5e-5)])
-def test_ray_that_grazes_an_edge_may_hit_or_miss(park: RebuiltWorld, shrunk: float, inside: float) -> None:
+def test_ray_that_grazes_an_edge_may_hit_or_miss(park: SensorWorld, shrunk: float, inside: float) -> None:
     """A ray just [m] inside the box's edge: single precision may fall on either side, whatever the mesh's scale."""
     world = plain(park, shrunk=shrunk)
     beside = 1.0 - inside
@@ -131,7 +131,7 @@ def test_ray_that_grazes_an_edge_may_hit_or_miss(park: RebuiltWorld, shrunk: flo
     assert [answer is None for answer in mismatches(world, ReferenceTracer(world), readings)] == [True, True, False]
 
 
-def test_ray_that_clips_a_sharp_edge_may_hit_or_miss(park: RebuiltWorld) -> None:
+def test_ray_that_clips_a_sharp_edge_may_hit_or_miss(park: SensorWorld) -> None:
     """It enters and leaves within a micrometre, through two faces that both are behind their edge."""
     world, half = plain(park), float(np.sqrt(0.5))
     origin, far = (3.0, -4.0 - 3e-7, 20.4), float(np.sqrt(50.0))
@@ -146,7 +146,7 @@ def test_ray_that_clips_a_sharp_edge_may_hit_or_miss(park: RebuiltWorld) -> None
 
 
 @pytest.mark.parametrize("shrunk", [1.0, 10.0, 0.1])
-def test_ray_a_tenth_of_a_millimetre_from_an_edge_has_one_answer(park: RebuiltWorld, shrunk: float) -> None:
+def test_ray_a_tenth_of_a_millimetre_from_an_edge_has_one_answer(park: SensorWorld, shrunk: float) -> None:
     world = plain(park, shrunk=shrunk)
     readings = [
         reading((0, 0.9999, 20.4), (1, 0, 0), NOTHING, Label.SKY, 0),
@@ -155,7 +155,7 @@ def test_ray_a_tenth_of_a_millimetre_from_an_edge_has_one_answer(park: RebuiltWo
     assert None not in mismatches(world, ReferenceTracer(world), readings)
 
 
-def test_trail_begins_where_its_distance_changes_sign(park: RebuiltWorld) -> None:
+def test_trail_begins_where_its_distance_changes_sign(park: SensorWorld) -> None:
     world = plain(park, trail_edge_at=5.0)
     down = (0.0, 0.0, -1.0)
     readings = [
@@ -170,16 +170,16 @@ def test_trail_begins_where_its_distance_changes_sign(park: RebuiltWorld) -> Non
 
 
 @pytest.fixture(scope="module")
-def scan(park: RebuiltWorld) -> Scan:
+def scan(park: SensorWorld) -> Scan:
     return IdealLidar(CONFIG, park.scene).scan(lidar_pose(park))
 
 
-def lidar_pose(park: RebuiltWorld) -> F8:
+def lidar_pose(park: SensorWorld) -> F8:
     height = float(park.world.terrain.field.height_at(-20.0, -3.0))
     return transforms.pose((-20.0, -3.0, height + 0.96), (3.0, -4.0, 70.0))
 
 
-def readings_of(park: RebuiltWorld, scan: Scan) -> list[RayReading]:
+def readings_of(park: SensorWorld, scan: Scan) -> list[RayReading]:
     """The readings of all rays of a scan."""
     pose, directions = lidar_pose(park), ray_directions(CONFIG)
     returns = {(int(c), int(r)): k for k, (c, r) in enumerate(zip(scan.column, scan.ring, strict=True))}
@@ -189,11 +189,11 @@ def readings_of(park: RebuiltWorld, scan: Scan) -> list[RayReading]:
         measured = (NOTHING, 0, 0) if k is None else (float(scan.range_m[k]), int(scan.label[k]), int(scan.instance[k]))
         ray = pose[:3, :3] @ directions[column, ring]
         limits = CONFIG.min_range, CONFIG.max_range
-        found.append(RayReading("", pose[:3, 3], ray, *measured, *limits, lidar=True, in_base=RAY))
+        found.append(RayReading("", pose[:3, 3], ray, *measured, *limits, pulsed=True, in_base=RAY))
     return found
 
 
-def test_embree_and_the_second_tracer_agree_in_a_built_world(park: RebuiltWorld, scan: Scan) -> None:
+def test_embree_and_the_second_tracer_agree_in_a_built_world(park: SensorWorld, scan: Scan) -> None:
     readings = readings_of(park, scan)
     assert len({c.label for c in readings}) > 5
     assert 0 < sum(c.range_m == NOTHING for c in readings) < len(readings) / 2
@@ -201,7 +201,7 @@ def test_embree_and_the_second_tracer_agree_in_a_built_world(park: RebuiltWorld,
     assert mismatches(park.world, tracer, readings) == [None] * len(readings)
 
 
-def test_no_wrong_reading_in_a_built_world_passes(park: RebuiltWorld, scan: Scan) -> None:
+def test_no_wrong_reading_in_a_built_world_passes(park: SensorWorld, scan: Scan) -> None:
     """Each ray with another class, object or range (by 2 mm and more where the ray skims), or nothing at all."""
     rng, wrong = np.random.default_rng(1), []
     for k, found in enumerate(readings_of(park, scan)):

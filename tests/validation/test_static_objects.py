@@ -5,7 +5,6 @@
 import csv
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,17 +14,18 @@ from rosbags.rosbag1 import Reader
 
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.decode import count_messages
-from fieldtruth.bag.model_states import ModelStatesReader, read_objects
-from fieldtruth.bag.reader import BagError, RawMessage, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import ModelStatesReader, read_objects, read_trajectory
+from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.campaign.estimate import _bytes_once
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.page.map import _same_objects
-from fieldtruth.validation.context import Context, RebuiltWorld
+from fieldtruth.sensors.kind import SensorWorld
+from fieldtruth.validation.context import Context
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.streams import check_topics
 from fieldtruth.validation.world import WorldObjects
@@ -148,8 +148,7 @@ def test_a_missing_topic_is_reported(bags: dict[str, Path]) -> None:
 def test_objects_are_compared_with_the_rebuilt_world(
     bags: dict[str, Path], option: str, seed: int, passed: bool
 ) -> None:
-    rebuilt: Any = RebuiltWorld(make_world(seed=seed), None, None)  # type: ignore[arg-type]
-    checker = WorldObjects(Context(open_run(bags[option]), rebuilt))
+    checker = WorldObjects(Context(open_run(bags[option]), SensorWorld(make_world(seed=seed), Rig())))
     for raw in messages(bags[option], *checker.topics):
         checker.see(raw, None)
     assert [tally.result().passed for tally in checker.tallies] == [passed]

@@ -80,7 +80,7 @@ def readings(parts: Sequence[Box | Cylinder], world: Any, min_range: float = 0.3
     return [
         RayReading(
             "", pose[:3, 3], pose[:3, :3] @ rays[key], *found.get(key, (NOTHING, 0, 0)), min_range, config.max_range,
-            lidar=True, in_base=(mount[:3, 3], mount[:3, :3] @ rays[key]),
+            pulsed=True, in_base=(mount[:3, 3], mount[:3, :3] @ rays[key]),
         )
         for key in np.ndindex(rays.shape[:2])
         if at_robot[key] or found.get(key, (0.0, 0, 0))[1] == ROBOT or key[0] % 128 == 0

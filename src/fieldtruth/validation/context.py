@@ -6,12 +6,12 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import StaticFrames
+from fieldtruth.bag.geometry import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
@@ -20,10 +20,8 @@ from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import Topic
-from fieldtruth.render.bake import BakedScene
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Spec, Tally
-from fieldtruth.world.model import World
 
 KEPT: Final = 4096
 """Rows that are kept at least: four seconds at 1 kHz."""
@@ -106,15 +104,7 @@ class MotionWindow:
 
 
 STEP_NS: Final = 1_000_000
-"""Time step [ns] of the physics, at which IMU, GNSS receiver and tachometers read."""
-
-
-class RebuiltWorld(NamedTuple):
-    """The rebuilt world of a run and its ray scene; baked if photographs are rendered."""
-
-    world: World
-    scene: Scene
-    baked: BakedScene | None
+"""Time step [ns] of the physics, at which sensors of the robot's own motion read."""
 
 
 @dataclass
@@ -122,7 +112,8 @@ class Context:
     """The run and the data read from it so far."""
 
     run: Run
-    rebuilt: RebuiltWorld | None = None
+    rebuilt: SensorWorld | None = None
+    """The world of the run, built again; None if it was not."""
     no_world: str = ""
     """Why the world was not rebuilt."""
     made_elsewhere: str = ""

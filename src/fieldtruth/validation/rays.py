@@ -139,14 +139,14 @@ class RayReading(NamedTuple):
     """[m] below which the sensor sees nothing, though it is occluded."""
     far: float
     """[m] beyond which the sensor sees nothing."""
-    lidar: bool
+    pulsed: bool
     """Whether some classes return nothing."""
     in_base: tuple[Array, Array]
     """Origin and direction in base_link."""
 
     def __str__(self) -> str:
         if self.range_m == NOTHING:
-            return f"{self.where}: {'no return' if self.lidar else 'sky'}"
+            return f"{self.where}: {'no return' if self.pulsed else 'sky'}"
         instance = "" if self.instance == UNKNOWN else f" of object {self.instance}"
         return f"{self.where}: class {self.label}{instance} at {self.range_m:.4f} m"
 
@@ -168,7 +168,7 @@ class _Candidate(NamedTuple):
 
     def agrees(self, reading: RayReading) -> bool:
         """Whether a reading may be of this surface."""
-        returning = {label for label in self.labels if not (reading.lidar and label in NO_RETURN)}
+        returning = {label for label in self.labels if not (reading.pulsed and label in NO_RETURN)}
         if reading.range_m == NOTHING:
             seen = reading.near + self.tolerance < self.range_m < reading.far - self.tolerance
             return not seen or not returning

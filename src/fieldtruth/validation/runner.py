@@ -14,9 +14,9 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import is_ros1
-from fieldtruth.bag.made_by import difference, makers_of
-from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
+from fieldtruth.bag.file import BagError, is_ros1
+from fieldtruth.bag.provenance import difference, makers_of
+from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
@@ -27,11 +27,10 @@ from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps
 from fieldtruth.sensors.known import OWN, sensor_class
 from fieldtruth.validation import files, motion, streams, world
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile, OtherFile
 from fieldtruth.validation.kind_checks import Pass
 from fieldtruth.validation.rays import INDEPENDENT_RAYS, RayReference
-from fieldtruth.validation.retrace import agreement
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
@@ -45,12 +44,20 @@ _OPEN: Final = 500
 _BEFORE_NS: Final = 10**9
 """Motion [ns] before a reading that is kept for it."""
 
+CALIBRATION: Final[Spec] = Spec(
+    "calibration",
+    (*motion.MOUNT_RULES, *(rule for kind in CHECKS for rule in kind.calibration)),
+    "items",
+    "neither /tf_static nor CameraInfo",
+)
+
 SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
-    streams.FRAMES, motion.CALIBRATION, motion.STATIC_OBJECTS, motion.MOTION, motion.POSES, motion.DRIVE,
+    streams.FRAMES, CALIBRATION, motion.STATIC_OBJECTS, motion.MOTION, motion.POSES, motion.DRIVE,
     *(spec for kind in CHECKS for spec in kind.motion), motion.COMMANDS,
-    *(spec for kind in CHECKS for spec in kind.form), world.OBJECT_CLASSES, agreement.LIDAR_AND_CAMERAS, world.WORLD,
+    *(spec for kind in CHECKS for spec in kind.form), world.OBJECT_CLASSES,
+    *(spec for kind in CHECKS for spec in kind.between), world.WORLD,
     *(spec for kind in CHECKS for spec in kind.retraced), INDEPENDENT_RAYS,
 )  # fmt: skip
 """All checks, in the order of the output."""
@@ -95,7 +102,7 @@ def validate(
         if not files.was_bag(bag):
             raise
         return [checksums, Check(files.STRUCTURE.name, False, str(error))]
-    context = Context(run, *world.rebuild(run, quick=quick, full=full, progress=progress))
+    context = Context(run, *world.rebuild(run, quick=quick, progress=progress))
     context.made_elsewhere = difference(makers_of(run.folder))
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
@@ -113,13 +120,15 @@ def validate(
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
     rays = None if context.rebuilt is None else RayReference(context, context.rebuilt.world)
-    shared = Pass(context, world.ObjectClasses(context), rays, full, samples)
+    calibration = context.tally(CALIBRATION)
+    points = [each for kind in CHECKS for each in kind.points(context.rig)]
+    shared = Pass(context, world.ObjectClasses(context), calibration, points, rays, full, samples)
     # The true motion comes first: other checkers compare with it. The second ray tracer gets what they choose.
     checkers: list[Checker] = [
-        streams.Stamps(context), streams.Headers(context), motion.Calibration(context),
+        streams.Stamps(context), streams.Headers(context), motion.Mounts(context, calibration),
         motion.ModelStates(context), motion.Poses(context), motion.Drive(context), world.WorldObjects(context),
         *(checker for kind in CHECKS for checker in kind.make(shared)), motion.Commands(context),
-        streams.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
+        streams.Clocks(context), shared.objects,
     ]  # fmt: skip
     if context.rebuilt is not None and rays is not None:
         checkers += [Readings(context, context.rebuilt), rays]
@@ -178,12 +187,9 @@ def _has_other_sensors(context: Context) -> bool:
 class Readings(Checker):
     """Every reading of kinds without a check, sensed again from the true motion and compared by ``difference``."""
 
-    def __init__(self, context: Context, rebuilt: RebuiltWorld) -> None:
+    def __init__(self, context: Context, rebuilt: SensorWorld) -> None:
         self._context, self._tally = context, context.tally(OTHER_SENSORS)
-        self.tallies, rig = [self._tally], context.rig
-        made = context.experiment
-        light, weather = (None, None) if made is None else (made.light, made.weather)
-        self._sensor_world = SensorWorld(rebuilt.world, rig, light, weather, scene=rebuilt.scene, baked=rebuilt.baked)
+        self._sensor_world, self.tallies, rig = rebuilt, [self._tally], context.rig
         self._configs = {config.name: config for config in rig.in_order() if sensor_class(config) not in OWN}
         outputs = [(config, each) for config in self._configs.values() for each in config.outputs_on(rig.robot)]
         self._of_topic = {topic.name: found for found in outputs for topic in found[1].topics}

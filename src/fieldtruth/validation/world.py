@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
@@ -21,10 +21,10 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import ROBOT_ID, WIDE_IDS, World
 
@@ -58,25 +58,23 @@ _WORDS: Final[dict[tuple[Label, ...], str]] = {
 _BY_WORD: Final = {word: labels for labels, words in _WORDS.items() for word in words.split()}
 
 
-def rebuild(run: Run, *, quick: bool, full: bool, progress: Progress) -> tuple[RebuiltWorld | None, str]:
-    """Rebuild the world of a run, and bake it if photographs are rendered; or return None and the reason."""
-    if run.experiment is None:
+def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld | None, str]:
+    """Rebuild the world of a run, with its sensors in it; or return None and the reason."""
+    experiment, path = run.experiment, run.folder / EXPERIMENT
+    if experiment is None:
         return None, f"no {EXPERIMENT} beside the bag"
     if quick:
         return None, "the world is not built with --quick"
-    path = run.folder / EXPERIMENT
     version = parse_mapping(path.read_text(encoding="utf-8"), str(path)).get(VERSION_KEY, "of unknown version")
     if version != fieldtruth.__version__:
         return None, f"made by fieldtruth {version}, and {fieldtruth.__version__} may build another world"
     try:
         with progress.stage("build the world"):
-            world = world_of(run.experiment)
+            world = world_of(experiment)
             scene = Scene(world)
-            photographs = any(imager.topic_of("photograph") in run.counts for imager in run.rig.imagers)
-            baked = bake(scene, run.experiment.light, run.experiment.weather) if full and photographs else None
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    return RebuiltWorld(world, scene, baked), ""
+    return SensorWorld(world, run.rig, experiment.light, experiment.weather, scene=scene), ""
 
 
 class WorldObjects(Checker):

@@ -11,20 +11,23 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sense.robot import robot_views
+from fieldtruth.sensors.camera.check_agreement import LIDAR_AND_CAMERAS, Agreement
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
+from fieldtruth.sensors.camera.check_info import CALIBRATION, CameraInfos
 from fieldtruth.sensors.camera.check_lens import pixel_ray
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld, Sampler
+from fieldtruth.validation.context import Checker, Context, Sampler
 from fieldtruth.validation.kind_checks import KindChecks, Pass
 from fieldtruth.validation.rays import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.world import ClassComparison, ObjectClasses
@@ -158,7 +161,7 @@ class RetracedImages(CameraFrameChecker):
     """Images, rendered again in the rebuilt world and compared pixel by pixel: a sample, or all."""
 
     def __init__(
-        self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler, *, full: bool
+        self, context: Context, rebuilt: SensorWorld, reference: RayReference, sampler: Sampler, *, full: bool
     ) -> None:
         super().__init__(context, ("tag", "depth", "instances", *["photograph"] * full))
         self._rebuilt, self._reference, self._sampler, self._full = rebuilt, reference, sampler, full
@@ -201,7 +204,7 @@ class RetracedImages(CameraFrameChecker):
             return RayReading(
                 f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ along,
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
-                UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, lidar=False,
+                UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, pulsed=False,
                 in_base=(mount[:3, 3], mount[:3, :3] @ along),
             )  # fmt: skip
 
@@ -222,13 +225,13 @@ class RetracedImages(CameraFrameChecker):
     ) -> tuple[LabelImages, tuple[float, float] | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
         config, robot = imager.config, self._robot.get(imager.name)
-        baked, own = self._rebuilt.baked, vars(self._own)
-        if photograph is None or baked is None:
+        own = vars(self._own)
+        if photograph is None:
             if config.name not in own.setdefault("label", {}):
                 own["label"][config.name] = LabelCamera(config, self._rebuilt.scene, reuse=True)
             return own["label"][config.name].label(pose, robot), None
         if config.name not in own.setdefault("photograph", {}):
-            own["photograph"][config.name] = IdealCamera(config, baked, reuse=True)
+            own["photograph"][config.name] = IdealCamera(config, self._rebuilt.baked, reuse=True)
         images = own["photograph"][config.name].render(pose, robot)
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 
@@ -277,7 +280,10 @@ def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) ->
 
 def _checkers(shared: Pass) -> list[Checker]:
     context, rays = shared.context, shared.rays
-    checkers: list[Checker] = [Images(context, shared.objects)]
+    checkers: list[Checker] = [
+        CameraInfos(context, shared.calibration), Images(context, shared.objects),
+        Agreement(context, shared.points, shared.sampler()),
+    ]  # fmt: skip
     if is_recorded(context):
         checkers.append(Geometry(context, context.rebuilt, shared.sampler()))
     if context.rebuilt is not None and rays is not None:
@@ -287,7 +293,9 @@ def _checkers(shared: Pass) -> list[Checker]:
 
 CHECKS: Final = KindChecks(
     make=_checkers,
+    calibration=CALIBRATION,
     form=(IMAGES, TAG_COLOURS, DEPTH),
+    between=(LIDAR_AND_CAMERAS,),
     retraced=(RETRACED_IMAGES, PHOTOGRAPHS),
     extras=(NORMALS, FLOW),
     extras_of=lambda context: (NORMALS, FLOW) * is_recorded(context),

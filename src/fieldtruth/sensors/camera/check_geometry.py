@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Context, RebuiltWorld, Sampler
+from fieldtruth.validation.context import Context, Sampler
 
 UNIT: Final = Rule("normals are 32FC3, and of every pixel 1 or 0 long")
 SAME_NORMALS: Final = Rule("normals are those of the rebuilt world (sample)", 1e-3, "of an image's pixels")
@@ -48,7 +49,7 @@ def is_recorded(context: Context) -> bool:
 class Geometry(CameraFrameChecker):
     """Form of all images of normals and flow; a sample is made again in the rebuilt world, if there is one."""
 
-    def __init__(self, context: Context, rebuilt: RebuiltWorld | None, sampler: Sampler) -> None:
+    def __init__(self, context: Context, rebuilt: SensorWorld | None, sampler: Sampler) -> None:
         super().__init__(context, PARTS)
         self._rebuilt, self._sampler = rebuilt, sampler
         self._own, self._robot = threading.local(), robot_views(context.rig)

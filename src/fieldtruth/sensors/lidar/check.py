@@ -11,21 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import poses_at
-from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
+from fieldtruth.sensors.lidar.check_points import NOISE, DenseCloud, NoiseTally, ideal_points, rays_at
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.message import point_type
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld, Sampler, at
-from fieldtruth.validation.kind_checks import KindChecks, Pass
+from fieldtruth.validation.context import Checker, Context, Sampler, at
+from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
 from fieldtruth.validation.rays import RayReading, RayReference, close
-from fieldtruth.validation.retrace.dense_cloud import DenseCloud
-from fieldtruth.validation.retrace.noisy_clouds import NOISE, NoiseTally, ideal_points, layout_of, noisy, rays_at
 from fieldtruth.validation.world import N_CLASSES, ClassComparison, ObjectClasses
 
 LAYOUT: Final = Rule("clouds have the fields of this package's points")
@@ -50,21 +52,8 @@ EQUAL_CLOUDS: Final = Rule("clouds made as here are equal to the last digit", mi
 _NO_CLOUDS: Final = "no clouds, or no true motion"
 RETRACED_CLOUDS: Final[Spec] = Spec("retraced clouds", (SAME_RETURNS, EQUAL_CLOUDS), "rays", _NO_CLOUDS)
 
-FIELDS: Final = {
-    "x": "<f4", "y": "<f4", "z": "<f4", "intensity": "<f4",
-    "ring": "<u2", "column": "<u2", "label": "<u2", "instance": "<u2",
-}  # fmt: skip
-"""Fields of every point, with NumPy types; ``t`` ("<u4") [ns] follows the scan's stamp where a LiDAR spins.
-
-In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
-"""
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
-_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
-_OF_MAKER: Final = {
-    "ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"},
-    "livox": {"tag": "|u1", "line": "|u1", "timestamp": "<f8"},
-}
 _CLOCK_ROUNDING: Final = 1e-6
 """[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
@@ -105,15 +94,10 @@ def _check_cloud(
     raw: RawMessage, message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison
 ) -> None:
     cloud, where = read.points(message), at(raw)
-    kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
-    timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
-    clock = config.time_field if config.spinning else None
-    timed |= {clock: _CLOCKS[clock]} if clock else {}
-    timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
-    wide = {"instance": "<u4"} if classes.has_wide_ids else {}
-    fields = FIELDS | timed | wide | layout_of(config)
-    whole = kinds == fields and message.is_dense != config.organised and not message.is_bigendian
-    tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
+    found, due = _fields(cloud.dtype), _fields(point_type(config, wide_ids=classes.has_wide_ids))
+    untimed = {"t": "<u4"} if "t" in found and not config.spinning else {}  # all rays leave at once
+    whole = found == due | untimed and message.is_dense != config.organised and not message.is_bigendian
+    tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(found)}")
 
     directions = rays_at(config, raw.stamp_ns)
     cloud = ideal_points(cloud, config, directions)
@@ -121,31 +105,39 @@ def _check_cloud(
     def row(k: int) -> str:
         return f"{where}, row {k}"
 
-    if {"label", "intensity"} <= kinds.keys() and config.intensity == "class":
+    if {"label", "intensity"} <= found.keys() and config.intensity == "class":
         label, intensity = cloud["label"], cloud["intensity"]
         same = label == intensity
         tally[INTENSITY].see_all(same, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
-    if found := [cloud[name] for name in ("label", *["intensity"] * (config.signal is None)) if name in kinds]:
-        returning = np.isin(found[0], np.flatnonzero(_RETURNS))
-        tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {found[0][k]:g}")
-    if {"x", "y", "z"} <= kinds.keys():
+    of_class = ("label", *["intensity"] * (config.signal is None))
+    if name := next((name for name in of_class if name in found), None):
+        values = cloud[name]
+        returning = np.isin(values, np.flatnonzero(_RETURNS))
+        tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {values[k]:g}")
+    if {"x", "y", "z"} <= found.keys():
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
-        if {"ring", "column"} <= kinds.keys():
+        if {"ring", "column"} <= found.keys():
             _check_rays(cloud, xyz, directions, config, rays, row)
     stamp = read.stamp_ns(message.header)
     if whole and config.point_fields == "ouster" and config.signal is None:
         _check_ouster(cloud, xyz, tally, rays, row)
     if whole and config.point_fields == "livox":
         _check_livox(cloud, stamp, tally, rays, row)
+    clock = config.time_field if config.spinning else None
     if whole and clock:
         start = stamp if clock == "timestamp" else 0
-        due = (start + cloud["t"].astype(np.int64)) / 1e9
-        late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
-        rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
+        leaves = (start + cloud["t"].astype(np.int64)) / 1e9
+        late = np.abs(cloud[clock] - leaves) > _CLOCK_ROUNDING
+        rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {leaves[k]} s")
     if whole:
         real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
+
+
+def _fields(points: np.dtype[np.void]) -> dict[str, str]:
+    """Return the fields of points with their NumPy types."""
+    return {name: kind.str for name, (kind, *_) in (points.fields or {}).items()}
 
 
 def _check_ouster(cloud: NDArray[np.void], xyz: Array, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
@@ -211,7 +203,7 @@ def _lag(config: LidarConfig) -> Array:
 class RetracedClouds(Checker):
     """Every cloud, measured again in the rebuilt world and compared ray by ray."""
 
-    def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
+    def __init__(self, context: Context, rebuilt: SensorWorld, reference: RayReference, sampler: Sampler) -> None:
         self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
         self._tally = context.tally(RETRACED_CLOUDS)
         self.noise = NoiseTally(strict=context.experiment is not None)
@@ -253,7 +245,7 @@ class RetracedClouds(Checker):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:
-            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
+            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, self._rebuilt.robot_parts)
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
         own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
@@ -278,7 +270,7 @@ class RetracedClouds(Checker):
             range_m, mount = float(np.linalg.norm(bag.xyz[k].astype(np.float64))), config.mount.base_from_sensor
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
-                range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
+                range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, pulsed=True,
                 in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
             )  # fmt: skip
 
@@ -291,8 +283,21 @@ class RetracedClouds(Checker):
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
         lidars, name = vars(self._own), f"signal of {config.name}"
         if name not in lidars:
-            lidars[name] = Lidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
+            lidars[name] = Lidar(config, self._rebuilt.scene, robot=self._rebuilt.robot_parts)
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)
+
+
+def _labelled(rig: Rig) -> list[LabelledPoints]:
+    """Return the LiDARs of a rig; of one with a signal the points are those at the true ranges."""
+
+    def points_of(config: LidarConfig) -> LabelledPoints:
+        def decode(message: Any, stamp_ns: int) -> NDArray[np.void]:
+            return ideal_points(read.points(message), config, rays_at(config, stamp_ns))
+
+        spins = "the LiDAR spins while the robot moves; its points are checked by retracing"
+        return LabelledPoints(config.name, config.topic, decode, spins if config.spinning else "")
+
+    return [points_of(config) for config in rig.lidars]
 
 
 def _checkers(shared: Pass) -> list[Checker]:
@@ -308,5 +313,6 @@ CHECKS: Final = KindChecks(
     form=(LABELS, RAYS),
     retraced=(RETRACED_CLOUDS,),
     extras=(NOISE,),
-    extras_of=lambda context: (NOISE,) * noisy(context.rig.lidars),
+    extras_of=lambda context: (NOISE,) * any(config.signal is not None for config in context.rig.lidars),
+    points=_labelled,
 )

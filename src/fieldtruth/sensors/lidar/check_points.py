@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds of LiDARs with a signal: the truth in them as an ideal cloud, and the distribution of their noise.
+"""Points of LiDARs as checks compare them: those of an ideal cloud, a value for each ray, and the law of their noise.
 
 The noise is not made again: what the rebuilt world's surfaces send back gives the signal that is expected of each ray,
 and the signal's figures give the deviation of its range and the probability that it returns.
 """
 
 import threading
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.noise import limit_of
@@ -71,6 +70,37 @@ def ideal_points(cloud: NDArray[np.void], config: LidarConfig, directions: Array
     for axis, values in zip("xyz", xyz.T, strict=True):
         found[axis] = values
     return found
+
+
+class DenseCloud(NamedTuple):
+    """A value for each ray of the LiDAR; 0 without a return."""
+
+    xyz: NDArray[np.float32]
+    label: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
+
+    @classmethod
+    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "DenseCloud":
+        """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
+        number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
+        inside = (number >= 0) & (number < count)
+        parts: list[NDArray[Any]] = [
+            np.zeros((count, 3), np.float32),
+            np.zeros(count, np.uint16),
+            np.zeros(count, np.uint32),
+        ]
+        for part, value in zip(parts, values, strict=True):
+            part[number[inside]] = value[inside]
+        return cls(*parts)
+
+    def first(self, count: int) -> "DenseCloud":
+        """The values of the first ``count`` rays."""
+        return DenseCloud(self.xyz[:count], self.label[:count], self.instance[:count])
+
+    def labelled_as(self, other: "DenseCloud", where: Mask) -> "DenseCloud":
+        """The same with class and instance of another one where ``where`` is true."""
+        label, instance = np.where(where, other.label, self.label), np.where(where, other.instance, self.instance)
+        return DenseCloud(self.xyz, label, instance)
 
 
 def expected_signal(signal: LidarSignal, echoes: EchoBuffers) -> Array:
@@ -132,16 +162,3 @@ class NoiseTally(Tally):
             self[RETURNED].see(bool(abs(returned - expected) <= limit), found)
             self.note = "; ".join([*filter(None, [self.note]), text, found])
         return super().result()
-
-
-def noisy(configs: Sequence[LidarConfig]) -> bool:
-    """Whether a LiDAR has a signal."""
-    return any(config.signal is not None for config in configs)
-
-
-def layout_of(config: LidarConfig) -> dict[str, str]:
-    """Fields that a signal adds to clouds."""
-    if config.signal is None:
-        return {}
-    own = {"true_range": "<f4", "signal": "<f4", "echo": "<u2", "mixed": "<u2"}
-    return own if config.point_fields == "ouster" else own | {"reflectivity": "<f4"}

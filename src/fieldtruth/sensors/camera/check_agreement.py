@@ -11,6 +11,7 @@ two and on the grass about them: this share is checked only where they are close
 """
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -22,10 +23,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
-from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, Sampler
-from fieldtruth.validation.retrace.noisy_clouds import ideal_points, rays_at
+from fieldtruth.validation.kind_checks import LabelledPoints
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048; in 446 views of pairs of sensors that are
 # 0.05 to 1.5 m apart, 0.15 to 1.6 m above base_link, up to 0.006 for objects, 0.010 in front, and 0.9 behind.
@@ -56,59 +56,59 @@ class _View(NamedTuple):
     cloud: Any
     frame: CameraFrame
     k: Array
-    optical_from_lidar: Array
+    optical_from_points: Array
     neighbours: bool
     where: str
-    lidar: LidarConfig
+    source: LabelledPoints
 
 
 class Agreement(CameraFrameChecker):
-    """Clouds of every LiDAR against images of every camera on a sample of their common stamps."""
+    """Points of every sensor that has any against images of every camera, on a sample of their common stamps."""
 
-    def __init__(self, context: Context, sampler: Sampler) -> None:
+    def __init__(self, context: Context, points: Sequence[LabelledPoints], sampler: Sampler) -> None:
         super().__init__(context, ("tag", "depth", "instances"))
         self._sampler, self._tally = sampler, context.tally(LIDAR_AND_CAMERAS)
-        self._lidars = {config.topic: config for config in context.rig.lidars}
-        self.topics = [*self.topics, *self._lidars]
+        self._sources = {source.topic: source for source in points}
+        self.topics = [*self.topics, *self._sources]
         self._clouds: OrderedDict[tuple[str, int], Any] = OrderedDict()
         self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        if raw.topic in self._lidars:
+        if raw.topic in self._sources:
             self._clouds[raw.topic, raw.stamp_ns] = message
-            if len(self._clouds) > _KEPT * len(self._lidars):
+            if len(self._clouds) > _KEPT * len(self._sources):
                 self._clouds.popitem(last=False)
         super().see(raw, message)
 
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
-        for lidar in self._lidars.values():
-            self._check_pair(frame, lidar)
+        for source in self._sources.values():
+            self._check_pair(frame, source)
 
-    def _check_pair(self, frame: CameraFrame, lidar: LidarConfig) -> None:
-        cloud, lens = self._clouds.get((lidar.topic, frame.stamp_ns)), self.infos.get(frame.imager.name)
+    def _check_pair(self, frame: CameraFrame, source: LabelledPoints) -> None:
+        cloud, lens = self._clouds.get((source.topic, frame.stamp_ns)), self.infos.get(frame.imager.name)
         if cloud is None or lens is None or "tag" not in frame.parts:
             return
-        if not self._sampler.takes(frame.stamp_ns, lidar.name, frame.imager.config.name):
+        if not self._sampler.takes(frame.stamp_ns, source.sensor, frame.imager.config.name):
             return
-        if reason := _not_comparable(lens, lidar):
+        if reason := _not_comparable(lens, source):
             self._skip(reason)
             return
         try:
             base_from_optical = self.context.frames.base_from(lens.header.frame_id)
-            base_from_lidar = self.context.frames.base_from(cloud.header.frame_id)
+            base_from_points = self.context.frames.base_from(cloud.header.frame_id)
         except FieldtruthError:
             return
-        optical_from_lidar, k = transforms.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
-        lowest = min(base_from_optical[2, 3], base_from_lidar[2, 3]) - self.context.rig.base_footprint.xyz[2]
-        neighbours = bool(np.linalg.norm(optical_from_lidar[:3, 3]) < _APART and lowest > _ABOVE)
+        optical_from_points, k = transforms.inverse(base_from_optical) @ base_from_points, np.reshape(lens.K, (3, 3))
+        lowest = min(base_from_optical[2, 3], base_from_points[2, 3]) - self.context.rig.base_footprint.xyz[2]
+        neighbours = bool(np.linalg.norm(optical_from_points[:3, 3]) < _APART and lowest > _ABOVE)
         if not neighbours and "depth" not in frame.parts:
-            self._skip(f"{lidar.name} and {frame.imager.name} are no neighbours, and there are no depth images")
+            self._skip(f"{source.sensor} and {frame.imager.name} are no neighbours, and there are no depth images")
             return
         self._tally.skipped = f"fewer than {FEW} points of a cloud are on flat parts of an image"
         part = self._tally.part()
-        view = _View(cloud, frame, k, optical_from_lidar, neighbours, f"{frame.at('tag')}, {lidar.topic}", lidar)
+        view = _View(cloud, frame, k, optical_from_points, neighbours, f"{frame.at('tag')}, {source.topic}", source)
         self.context.jobs.append(lambda: [_compare(part, view)])
 
     def _skip(self, reason: str) -> None:
@@ -117,21 +117,21 @@ class Agreement(CameraFrameChecker):
             self._tally.skipped = reason
 
 
-def _not_comparable(lens: Any, lidar: LidarConfig) -> str:
+def _not_comparable(lens: Any, source: LabelledPoints) -> str:
     """Why points and pixels of a camera with this CameraInfo cannot be compared; empty if they can."""
     if (lens.distortion_model, any(lens.D)) != ("plumb_bob", False):
         return f"the lens {lens.distortion_model} bends planes; its pixels are checked by retracing"
-    return "the LiDAR spins while the robot moves; its points are checked by retracing" if lidar.spinning else ""
+    return source.not_comparable
 
 
 def _compare(tally: Tally, view: _View) -> Tally:
     frame = view.frame
     try:
-        points = ideal_points(read.points(view.cloud), view.lidar, rays_at(view.lidar, frame.stamp_ns))
+        points = view.source.decode(view.cloud, frame.stamp_ns)
         label = read.labels(read.image(frame.parts["tag"]))
         depth = read.depth(frame.parts["depth"]) if "depth" in frame.parts else None
         instance = read.instances(frame.parts["instances"]) if "instances" in frame.parts else None
-        u, v, z, rows = _projected(points, view.k, view.optical_from_lidar, label.shape)
+        u, v, z, rows = _projected(points, view.k, view.optical_from_points, label.shape)
         row, column = np.rint(v).astype(int), np.rint(u).astype(int)
         around = row[:, None, None] + _AROUND[:, None], column[:, None, None] + _AROUND
         flat, same = _equal(label[around]), label[row, column] == points["label"][rows]
@@ -161,11 +161,11 @@ def _compare(tally: Tally, view: _View) -> Tally:
 
 
 def _projected(
-    points: NDArray[np.void], k: Array, optical_from_lidar: Array, shape: tuple[int, ...]
+    points: NDArray[np.void], k: Array, optical_from_points: Array, shape: tuple[int, ...]
 ) -> tuple[Array, Array, Array, NDArray[np.intp]]:
     """Image point (u, v) [pixel], depth [m] and row of the points that fall into an image, 3 pixels inside."""
     with np.errstate(invalid="ignore"):
-        xyz = transforms.transform(optical_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=-1))
+        xyz = transforms.transform(optical_from_points, np.stack([points[axis] for axis in "xyz"], axis=-1))
         ahead = np.flatnonzero(np.isfinite(xyz).all(axis=1) & (xyz[:, 2] > _NEAR))
     x, y, z = xyz[ahead].T
     u, v = k[0, 2] + k[0, 0] * x / z, k[1, 2] + k[1, 1] * y / z
