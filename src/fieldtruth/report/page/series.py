@@ -12,12 +12,9 @@ import pymap3d
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
+from fieldtruth.bag.geometry import ROBOT, ModelStatesReader, Trajectory
 from fieldtruth.bag.topics import ROBOT
-from fieldtruth.core.arrays import Array, Counts, Mask
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.report.drawing.style import fixed
 
 BUCKETS: Final = 1000
