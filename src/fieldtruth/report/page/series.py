@@ -12,7 +12,7 @@ import pymap3d
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.geometry import ROBOT, ModelStatesReader, Trajectory
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.report.drawing.style import fixed
