@@ -44,7 +44,6 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.rig import Rig
-    from fieldtruth.sensors.lidar.config import LidarConfig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.environment:
@@ -52,7 +51,7 @@ def _annotate(options: argparse.Namespace) -> None:
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.lidar:
-        rig = rig.with_sensors(LidarConfig, enabled=False)
+        rig = rig.switched(lidar=False)
     world = (
         WorldConfig(options.environment)
         if like is None
