@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Husky with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers."""
+"""The robot with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers."""
 
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -39,9 +39,9 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
     parts.check_rig(rig)
     values = _values(rig)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
-    config = render(
-        "robot", "model.config.xml.jinja", version="1.9" if flavour == "gz" else "1.7", sensors=_sensors(rig)
-    )
+    version = "1.9" if flavour == "gz" else "1.7"
+    words = {"robot": values["robot"], "sensors": _sensors(rig)}
+    config = render("robot", "model.config.xml.jinja", version=version, **words)
     write(folder / "models" / "husky" / "model.sdf", sdf)
     write(folder / "models" / "husky" / "model.config", config)
     for name, xacro in (("husky.urdf.xacro", True), ("husky.urdf", False)):
@@ -62,6 +62,7 @@ def _values(rig: Rig) -> dict[str, Any]:
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
+        "robot": parts.robot_words(rig.robot),
         "topics": topics,
         "geodesy": geodesy,
         "parts": parts,

@@ -32,6 +32,7 @@ from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
 from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.report.card import robot_title
 
 STIFFNESS: Final = 1e7  # [N/m]
 DAMPING: Final = 1.0  # [N s/m]
@@ -61,6 +62,19 @@ class Frame(NamedTuple):
     parent: str
     xyz: tuple[float, float, float]
     rpy: tuple[float, float, float]
+
+
+class RobotWords(NamedTuple):
+    """Words for a robot: "Clearpath Husky", and after "the": "Husky". The model is called ``husky`` whatever it is."""
+
+    title: str
+    name: str
+
+
+def robot_words(robot: RobotConfig) -> RobotWords:
+    """Return the words for the robot of an experiment."""
+    title = robot_title(robot)
+    return RobotWords(title[0].upper() + title[1:], title.partition(" ")[2] if title[0].isupper() else "robot")
 
 
 class Scan(NamedTuple):

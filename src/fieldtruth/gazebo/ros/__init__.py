@@ -31,7 +31,7 @@ from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
-from fieldtruth.gazebo.robot.parts import cloud_topic, observers
+from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.world.model import World
 
@@ -242,6 +242,7 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "layout": world.layout,
         "plain_world": f"{world.name}_plain",
         "rig": rig,
+        "robot": robot_words(rig.robot),
         "scanners": rig.enabled(ScanningConfig),
         "imu": rig.first(Inertial),
         "receiver": rig.first(Fix),

@@ -230,7 +230,7 @@ _KINDS: Final = {
     HEIGHT: _Kind("Height", "m", "base_link", "ground truth", 0.5),
     TURNING: _Kind("Angular velocity", "rad/s", "the IMU", "in its own frame", 0.1),
     ACCELERATION: _Kind("Acceleration", "m/s²", "the IMU", "in its own frame, including gravity", 1.0),
-    WHEELS: _Kind("Wheel speed", "rad/s", "the four tachometers", "", 0.5),
+    WHEELS: _Kind("Wheel speed", "rad/s", "the tachometers", "", 0.5),
     GNSS: _Kind("GNSS", "m", "", "from the first fix", 0.5),
 }
 
