@@ -31,6 +31,7 @@ from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.first_run import wait_for_kernels
 from fieldtruth.simulation.stepped import Driven, Simulation
 from fieldtruth.world.model import World
 
@@ -182,6 +183,7 @@ def _generate(
         slices_folder = run.slices(prepared.key)
         with progress.stage("prepare the scene"):
             slices = prepared.slices(slices_folder)
+        wait_for_kernels(progress)
         whole = slices_folder / "whole.bag"
         slices.record(whole, cpu_count() if workers is None else workers, progress)
         with progress.stage("card and checksums"):
