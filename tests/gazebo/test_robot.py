@@ -22,9 +22,9 @@ from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -139,6 +139,22 @@ def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str
     with pytest.raises(ConfigurationError, match=rf"^rig\.sensors: lidar has {key}; the beams of Gazebo's "):
         write_robot(tmp_path, paper_rig(lidar=lidar), "gz")
     write_robot(tmp_path, paper_rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
+
+
+@pytest.mark.parametrize(
+    ("robot", "title", "name"),
+    [
+        (RobotConfig(), "Clearpath Husky", "Husky"),
+        (RobotConfig(model="scout"), "AgileX Scout 2.0", "Scout 2.0"),
+        (RobotConfig(model="generic_skid_steer"), "Skid-steer robot of 30 kg", "robot"),
+        (RobotConfig(max_speed=0.7), "Robot with figures other than a Clearpath Husky's", "robot"),
+    ],
+)
+def test_words_are_those_of_the_robot(robot: RobotConfig, title: str, name: str, tmp_path: Path) -> None:
+    assert parts.robot_words(robot) == (title, name)
+    write_robot(tmp_path, Rig(robot=robot), "classic")
+    for path in ("models/husky/model.config", "models/husky/model.sdf", "urdf/husky.urdf"):
+        assert f"{title} with " in (tmp_path / path).read_text().replace("&#39;", "'")
 
 
 @RIGS

@@ -101,25 +101,18 @@ def random_tints(rng: np.random.Generator, spread: float, count: int) -> Float32
 
 
 Density = Callable[[Array], Array]
-
-
 """Share [0, 1] of the objects that are kept at positions (n, 2)."""
 
-
 FarSwarm = tuple[Swarm, Sequence[Mesh]]
-
-
 """A swarm outside the world's edge, with its meshes."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class SwarmSpec:
-    """Many small objects to spread over an area."""
+class SwarmForm:
+    """Kind, density and pose of the small objects of a swarm."""
 
-    name: str
     kind: str
-    meshes: Sequence[Mesh]
-    per_m2: float
+    per_m2: float = 1.0
     """Density before it is thinned."""
     scales: tuple[float, float] = (0.8, 1.25)
     tint: float = 0.1
@@ -134,6 +127,14 @@ class SwarmSpec:
     """Distance [m] kept from obstacles and from the corridors' centre lines, inside the world only."""
     aside: float = 0.0
     """Distance [m] kept from the corridors' centre lines by stones that a robot cannot drive over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmSpec(SwarmForm):
+    """Many small objects to spread over an area."""
+
+    name: str
+    meshes: Sequence[Mesh]
 
 
 def jittered_grid(
@@ -183,14 +184,9 @@ def make_swarm(
 
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
-
-
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
 
-
 Attempt = Callable[[Array, int, bool], Instance | None]
-
-
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
 
@@ -360,12 +356,7 @@ class WorldBuilder:
         return self.add(kind, mesh, pose, [(x, y, radius)], tint=tint)
 
     def scatter(
-        self,
-        group: ObjectGroup,
-        rng: np.random.Generator,
-        allowed: Callable[[Array], Mask],
-        *,
-        tries: int = 4000,
+        self, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask], *, tries: int = 4000
     ) -> list[Instance]:
         """Scatter upright objects where ``allowed`` is true for positions (n, 2).
 

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Aerial view of a world, rendered with the camera model, and its projection. North is right, west is up."""
+"""Maps: aerial view of a world and its projection, arcs, fields of view, distances along a path.
+
+The view is rendered with the camera model. North is right, west is up.
+"""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.world.model import Heightfield

@@ -39,7 +39,6 @@ from fieldtruth.world.grids import (
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
 from fieldtruth.world.placement import (
     ObjectGroup,
-    SwarmSpec,
     WorldBuilder,
     place_until_count,
     random_tint,
@@ -58,32 +57,17 @@ from fieldtruth.world.relief import (
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 CONIFERS = ("spruce", "pine")
-
-
 BROADLEAVES = ("beech", "birch", "oak")
-
-
 UPROOTED: Final = 0.006
-
-
 """Density [1/m^2] of pits and mounds."""
 
-
 OFF_TRAIL: Final = 3.0
-
-
 """Distance [m] of pits and mounds from a trail's edge."""
 
-
 RUT_OFF_CENTRE, RUT_WIDTH, RUT_DEPTH = 0.55, 0.12, 0.035
-
-
 """Distance [m] of ruts from a trail's centre line, the deviation of their Gaussian profile, and mean depth."""
 
-
 ROOTS: Final = 0.1
-
-
 """Largest spacing [m] of the terrain's nodes on which roots can be seen."""
 
 
@@ -207,17 +191,7 @@ def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator)
         make_rock(fieldstone, name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
         for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
     ]
-    spec = SwarmSpec(
-        name="small_stones",
-        kind="stone",
-        meshes=stones,
-        per_m2=config.stones_per_m2 * 3,
-        scales=(0.7, 1.3),
-        tint=0.12,
-        tilt=1.0,
-        clear=0.45,
-        aside=1.15,
-    )
+    spec = config.planter.swarm("small_stones", stones, per_m2=config.stones_per_m2 * 3)
     builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Beds of a park: mulched areas with a wavy outline and an edge of stones, planted with bushes of one species."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.model import Instance, Mesh
+from fieldtruth.world.environments.park.config import Config
+from fieldtruth.world.model import Instance, Mesh, make_mesh
 from fieldtruth.world.placement import (
     CrowdedWorldError,
     WorldBuilder,
@@ -20,15 +21,6 @@ from fieldtruth.world.placement import (
     rotations_to,
     upright_poses,
 )
-from fieldtruth.world.plants import BUSHES, grow_bush
-
-BUSH_HEIGHTS: Final[Mapping[str, tuple[float, float]]] = {
-    "box": (0.65, 1.1),
-    "hazel": (0.5, 0.95),
-    "heather": (0.8, 1.15),
-    "juniper": (0.5, 0.9),
-}
-"""Species of bushes, with bounds of their height relative to a grown one's: they are pruned."""
 
 OFF_TRAIL: Final = 0.45
 OFF_CORRIDOR: Final = 1.25
@@ -88,26 +80,16 @@ def bed_distance(beds: Sequence[Bed], xy: Array) -> Array:
     return nearest
 
 
-def lay_beds(builder: WorldBuilder, count: int, rng: np.random.Generator) -> list[Bed]:
-    """Lay beds, most of them near the trails, until ``count`` bushes are planted in them.
+def lay_beds(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> list[Bed]:
+    """Lay beds, most of them near the trails, until ``config.bushes`` are planted in them.
 
     Not ``place_until_count``: an attempt lays a bed and plants several bushes.
 
     Raises:
         CrowdedWorldError: bushes are left after all tries.
     """
-    bushes = {
-        name: [
-            grow_bush(
-                BUSHES[name],
-                name=f"bush_{name}_{k}",
-                rng=rng,
-                height=BUSHES[name].grown.height * float(rng.uniform(*heights)),
-            )
-            for k in range(INDIVIDUALS)
-        ]
-        for name, heights in BUSH_HEIGHTS.items()
-    }
+    planter, count = config.planter, config.bushes
+    bushes = {name: planter.grow("bed_bush", rng, species=[name]) for name in planter.species("bed_bush")}
     beds: list[Bed] = []
     remaining, names = count, list(bushes)
     length, width = builder.size
@@ -214,13 +196,7 @@ def _stone(name: str, rng: np.random.Generator) -> Mesh:
     uv = np.where(side[:, None, None], points[..., [0, 2]] + points[..., [1, 1]] * [1.0, 0.0], points[..., :2]) / 0.5
     k = 4 * np.arange(len(points))
     faces = np.stack([k, k + 1, k + 2, k, k + 2, k + 3], axis=1).reshape(-1, 3)
-    return Mesh(
-        name=name,
-        vertices=points.reshape(-1, 3).astype(np.float32),
-        normals=normals.repeat(4, axis=0).astype(np.float32),
-        uv=(uv.reshape(-1, 2) + rng.random(2)).astype(np.float32),
-        faces=faces.astype(np.int32),
-        material=np.zeros(len(faces), np.int32),
-        materials=("bed_edge",),
+    return make_mesh(
+        name, points, normals.repeat(4, axis=0), uv.reshape(-1, 2) + rng.random(2), faces, ("bed_edge",),
         footprint=length / 2,
-    )
+    )  # fmt: skip
