@@ -18,7 +18,7 @@ from fieldtruth import cli
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import FORMATS, Options, export
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 
 def digest(path: Path) -> dict[str, str]:

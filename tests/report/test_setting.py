@@ -18,7 +18,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.exporters.croissant import croissant_text
 from fieldtruth.exporters.frames import Member
 from fieldtruth.exporters.huggingface_card import card_text
-from fieldtruth.ontology.label_map import label_map_of
+from fieldtruth.ontology import label_map_of
 from fieldtruth.report.card import collection_of, conditions_of, data_card, robot_title
 
 WORDS = {

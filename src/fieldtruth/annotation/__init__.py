@@ -26,8 +26,7 @@ from fieldtruth.bag.robot_messages import tf_static
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.core.files import locked
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import locked, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.track import Stamps

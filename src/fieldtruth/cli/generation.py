@@ -62,7 +62,7 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
-    from fieldtruth.core.outputs import output_folder
+    from fieldtruth.core.files import output_folder
     from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
@@ -227,7 +227,7 @@ def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.robot_models import list_robots
     from fieldtruth.experiment.sensor_models import TITLES, list_models
-    from fieldtruth.ontology.label_map import LABEL_MAPS
+    from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
     def kinds() -> dict[str, str]:
@@ -264,7 +264,7 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.core.outputs import output_path
+    from fieldtruth.core.files import output_path
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 

@@ -123,7 +123,7 @@ def _rig(options: argparse.Namespace) -> None:
     if options.preview:
         _draw(options)
         return
-    from fieldtruth.core.outputs import output_path
+    from fieldtruth.core.files import output_path
     from fieldtruth.experiment.files import load_experiment
 
     out = options.out
@@ -144,7 +144,7 @@ def _rig(options: argparse.Namespace) -> None:
 
 
 def _draw(options: argparse.Namespace) -> None:
-    from fieldtruth.core.outputs import output_path
+    from fieldtruth.core.files import output_path
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, write_image
 

@@ -15,7 +15,7 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets.items import Sensor
 from fieldtruth.datasets.run import DEFAULT_ITEMS, RunDataset, Transform, checked_index
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 
 class Options(TypedDict, total=False):

@@ -22,7 +22,7 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
-from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.ontology import LabelMap, label_map_of
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")

@@ -15,7 +15,7 @@ from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.exporters.huggingface_card import content_of, is_own, title_of
 from fieldtruth.exporters.parquet import Column
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 if TYPE_CHECKING:

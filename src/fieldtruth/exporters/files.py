@@ -39,7 +39,7 @@ from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Joints, Messag
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 Numbers = tuple[float | np.float32, ...]
 Row = Callable[[Any], Numbers]

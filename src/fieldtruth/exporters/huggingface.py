@@ -25,7 +25,7 @@ from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, ca
 from fieldtruth.exporters.huggingface_card import CARD, card_text
 from fieldtruth.exporters.image_files import encode_tiff
 from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology import OWN, LabelMap
 
 _CLASSES: Final = Column("classes", "classes", "the classes that occur")
 _RUN: Final = Column("run", "string", "name of the run")

@@ -12,7 +12,7 @@ import yaml
 import fieldtruth
 from fieldtruth.core.readings import Image
 from fieldtruth.exporters.frames import Member
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR
 from fieldtruth.exporters.sequences import first_lidar
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
 """PCD's TYPE by NumPy's dtype kind."""

@@ -41,7 +41,7 @@ from fieldtruth.exporters.sequences import (
     times_text,
     xyz_and_reflectance,
 )
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""
