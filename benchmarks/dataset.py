@@ -14,7 +14,7 @@ from time import process_time
 
 import numpy as np
 
-from fieldtruth.bag import storage
+from fieldtruth.bag import reader
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset
 
 SETS = (
@@ -35,7 +35,7 @@ def least_cpu(work: Callable[[], object]) -> float:
     """CPU time [s] of the process, the least of some tries."""
     tries = []
     for _ in range(TRIES):
-        storage._RECENT.forget()
+        reader._RECENT.forget()
         start = process_time()
         work()
         tries.append(process_time() - start)

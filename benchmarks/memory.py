@@ -83,7 +83,7 @@ class Stopwatch:
 def measure(row: Row, out: Path) -> dict[str, float]:
     """Run one row in this process, with the joining timed."""
     from fieldtruth.bag import writer
-    from fieldtruth.bag.growing import GrowingBag
+    from fieldtruth.bag.writer import GrowingBag
     from fieldtruth.experiment.config import Experiment
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.pipeline import generate

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 from distributed import Future
 
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.growing import GrowingBag
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.writer import GrowingBag
 from fieldtruth.cluster import cluster_engine
 from fieldtruth.cluster.engine import ClusterSlices
 from fieldtruth.cluster.worker import Order

@@ -30,8 +30,8 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth as ft
 from fieldtruth.bag.decode import points
+from fieldtruth.bag.geometry import read_trajectory, seconds
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory, seconds
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig

@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from slam import compared, show
 
 import fieldtruth as ft
-from fieldtruth.bag.calibration import first_message, read_static_frames
 from fieldtruth.bag.decode import image
+from fieldtruth.bag.geometry import first_message, read_static_frames, read_trajectory, seconds
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.trajectory import read_trajectory, seconds
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters.sequences import first_views
 

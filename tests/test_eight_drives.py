@@ -13,7 +13,7 @@ import paper_topics
 import pytest
 
 from fieldtruth.bag import topics
-from fieldtruth.bag.robot_messages import ModelStatesWriter
+from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.physics import resting_pose

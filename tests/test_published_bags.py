@@ -18,10 +18,10 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
-from fieldtruth.bag import image, points
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import image, points
+from fieldtruth.bag.messages import STORE
 from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.types import STORE
 from fieldtruth.cli import main
 from fieldtruth.report.page import map as page_map
 from fieldtruth.validation.runner import validate

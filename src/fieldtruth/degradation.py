@@ -15,9 +15,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.bag import made_by
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag import provenance
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import ODOMETRY
@@ -124,7 +124,7 @@ class _Stored:
 
 
 def _other_version(bag: BagReader, topic: str) -> BagError:
-    reason = made_by.difference(made_by.makers_of(bag.path.parent)) or "its experiment or version was another"
+    reason = provenance.difference(provenance.makers_of(bag.path.parent)) or "its experiment or version was another"
     what = f"{bag.path} differs in {topic} from what fieldtruth records here ({reason})"
     return BagError(f"{what}; generate it again, with --signal")
 
@@ -143,7 +143,7 @@ class _Degraded(PreparedHere):
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene for the slices in a folder, and keep what made the readings that are taken from the bag."""
-        made_by.note(folder, made_by.makers_of(self.run.folder) if self.stored.sensors else ())
+        provenance.note(folder, provenance.makers_of(self.run.folder) if self.stored.sensors else ())
         return super().slices(folder)
 
     def streams(self) -> list[Stream]:

@@ -12,7 +12,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Protocol
 
-from fieldtruth.bag import made_by
+from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile
@@ -84,7 +84,7 @@ class PreparedHere:
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
-        made_by.note(folder, [made_by.this_process()])
+        provenance.note(folder, [provenance.this_process()])
         streams = self.streams()
         sensors = self.new_sensors or sensor_factory(self.sensor_world, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
@@ -142,7 +142,7 @@ def generate(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, made_by.json and checksums.
+    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, provenance.json and checksums.
 
     The bytes do not depend on the number of workers or on interruptions. A run that was interrupted, by Ctrl-C, a kill
     or a full disk, resumes when it is called again.
@@ -227,4 +227,4 @@ def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress
     whole = folder / "whole.bag"
     slices.record(whole, workers, progress)
     with progress.stage("card and checksums"):
-        run.finish(whole, prepared.card(count_messages(whole)), made_by.noted(folder))
+        run.finish(whole, prepared.card(count_messages(whole)), provenance.noted(folder))

@@ -244,7 +244,7 @@ def test_missing_frames_of_the_added_sensors_are_added(original: list[Message], 
 
 
 def static_transforms_in(message: Message) -> list[tuple[str, str]]:
-    from fieldtruth.bag.types import STORE
+    from fieldtruth.bag.messages import STORE
 
     content: Any = STORE.deserialize_ros1(message.data, "tf2_msgs/msg/TFMessage")
     return [(each.header.frame_id, each.child_frame_id) for each in content.transforms]

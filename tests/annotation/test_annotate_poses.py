@@ -11,10 +11,9 @@ from annotate_bags import Kind, Message, drive, odometry, rough, standard, state
 
 from fieldtruth import annotation, cli
 from fieldtruth.annotation import annotate
-from fieldtruth.annotation.check import check_frames
-from fieldtruth.annotation.poses import Poses, read_poses
+from fieldtruth.annotation.check import Poses, check_frames, read_poses
+from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError

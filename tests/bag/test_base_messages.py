@@ -9,8 +9,8 @@ import pytest
 from record_fakes import make_experiment, make_track, make_world
 from series import odometry_along, reading_of
 
-from fieldtruth.bag import base_messages, robot_messages
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
 from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.rig import Rig
@@ -55,12 +55,12 @@ def test_wheel_odometry_is_a_planar_pose_in_odom() -> None:
 
 def test_command() -> None:
     assert TRACK.base is not None
-    message = back(base_messages.command(4, TRACK.base.commands), "geometry_msgs/msg/Twist")
+    message = back(messages.command(4, TRACK.base.commands), "geometry_msgs/msg/Twist")
     assert [message.linear.x, message.angular.z] == TRACK.base.commands.command[4].tolist()
 
 
 def test_a_wheel_that_rolls_forwards_turns_its_top_forwards() -> None:
-    turned = base_messages.wheel_transforms(RIG, np.array([0.0, np.pi / 2, -np.pi / 2, 7.0]))
+    turned = messages.wheel_transforms(RIG, np.array([0.0, np.pi / 2, -np.pi / 2, 7.0]))
     assert list(turned) == ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
     top = {name: base_from_wheel[:3, :3] @ (0.0, 0.0, 1.0) for name, base_from_wheel in turned.items()}
     np.testing.assert_allclose(top["front_left_wheel"], (0.0, 0.0, 1.0), atol=1e-15)
@@ -71,8 +71,8 @@ def test_a_wheel_that_rolls_forwards_turns_its_top_forwards() -> None:
 
 
 def test_tf_has_base_link_and_the_wheels() -> None:
-    wheels = base_messages.wheel_transforms(RIG, np.array([1.0, 2.0, 3.0, 4.0]))
-    data = robot_messages.tf(24, 500_000_000, state_at(TRACK.motion, 500_000_000), wheels)
+    wheels = messages.wheel_transforms(RIG, np.array([1.0, 2.0, 3.0, 4.0]))
+    data = messages.tf(24, 500_000_000, state_at(TRACK.motion, 500_000_000), wheels)
     base, *turning = back(data, "tf2_msgs/msg/TFMessage").transforms
     assert (base.header.frame_id, base.child_frame_id) == ("world", "base_link")
     for each, (name, base_from_wheel) in zip(turning, wheels.items(), strict=True):

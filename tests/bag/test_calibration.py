@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.calibration import StaticFrames
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import StaticFrames
 from fieldtruth.bag.run import open_run
 
 F8 = NDArray[np.float64]

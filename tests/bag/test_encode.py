@@ -8,8 +8,8 @@ from record_fakes import FakeScan, make_experiment, make_track, make_world
 from series import fixes_along, imu_along, reading_of
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import robot_messages
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
@@ -64,7 +64,7 @@ def test_types_are_those_of_ros() -> None:
 
 
 def test_clock() -> None:
-    clock = back(robot_messages.clock(STAMP), "rosgraph_msgs/msg/Clock").clock
+    clock = back(messages.clock(STAMP), "rosgraph_msgs/msg/Clock").clock
     assert (clock.sec, clock.nanosec) == (12, 345_678_901)
 
 
@@ -89,7 +89,7 @@ def test_twist_of_odometry_is_in_base_link() -> None:
     # The robot looks north-west and moves to the west: half of it forwards, half of it to its left.
     q = transforms.quaternion_wxyz_from_rotation(transforms.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
     state = State(np.array([1.0, 2.0, 3.0]), q, np.array([0.0, 1.0, 0.5]), np.array([1.0, 0.0, 0.25]))
-    message = back(robot_messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
+    message = back(messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
     half = np.sqrt(0.5)
     assert (message.header.frame_id, message.child_frame_id, message.header.seq) == ("world", "base_link", 3)
     assert xyz(message.pose.pose.position) == [1.0, 2.0, 3.0]
@@ -100,14 +100,14 @@ def test_twist_of_odometry_is_in_base_link() -> None:
 
 def test_tf() -> None:
     state = state_at(TRACK.motion, 500_000_000)
-    (stamped,) = back(robot_messages.tf(24, 500_000_000, state, {}), "tf2_msgs/msg/TFMessage").transforms
+    (stamped,) = back(messages.tf(24, 500_000_000, state, {}), "tf2_msgs/msg/TFMessage").transforms
     assert (stamped.header.frame_id, stamped.child_frame_id, stamped.header.seq) == ("world", "base_link", 24)
     assert xyz(stamped.transform.translation) == TRACK.motion.position[499].tolist()
     assert wxyz(stamped.transform.rotation) == TRACK.motion.quaternion_wxyz[499].tolist()
 
 
 def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
-    writer = robot_messages.ModelStatesWriter(WORLD)
+    writer = messages.ModelStatesWriter(WORLD)
     message = back(writer.message(499, TRACK.motion), "gazebo_msgs/msg/ModelStates")
     assert message.name == ["husky", "ground", "tree_2", "tree_3", "tree_4", "tree_5", "tree_6"]
     assert xyz(message.pose[0].position) == TRACK.motion.position[499].tolist()
@@ -124,7 +124,7 @@ def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
 def test_model_states_encode_names_as_utf8() -> None:
     world = make_world(objects=1)
     odd = world.__class__(**{**world.__dict__, "object_names": ("husky", "Böden", "bäume")})
-    message = back(robot_messages.ModelStatesWriter(odd).message(0, TRACK.motion), "gazebo_msgs/msg/ModelStates")
+    message = back(messages.ModelStatesWriter(odd).message(0, TRACK.motion), "gazebo_msgs/msg/ModelStates")
     assert message.name == ["husky", "Böden", "bäume"]
     assert xyz(message.pose[0].position) == TRACK.motion.position[0].tolist()
     assert xyz(message.twist[0].angular) == TRACK.motion.angular_velocity[0].tolist()
@@ -250,9 +250,9 @@ def test_projection_matrices_agree_with_the_transforms() -> None:
 
 
 def test_fixed_frames_are_those_of_the_paper_and_the_optical_frames() -> None:
-    fixed = robot_messages.rig_transforms(Rig())
+    fixed = messages.rig_transforms(Rig())
     assert len(fixed) == 12
-    turning = {pair[1] for pair in fixed.keys() - robot_messages.fixed_transforms(Rig()).keys()}
+    turning = {pair[1] for pair in fixed.keys() - messages.fixed_transforms(Rig()).keys()}
     assert turning == {"front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"}
     forward, right, down = [0, 0, 1], [1, 0, 0], [0, 1, 0]
     base_from_optical = fixed["base_link", "left_camera"] @ fixed["left_camera", "left_camera_optical"]

@@ -19,8 +19,8 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import types as ros
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag import messages as ros
+from fieldtruth.bag.file import BagError
 
 HEAD: Final = ros.header(0, 5, "sensor")
 TRUE: Final = np.array(

@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from fieldtruth.bag.decode import count_messages, read_bag
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import find_bag, open_run
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning

@@ -12,7 +12,8 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.reader import BagError, decoder, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthError, UnknownNameError
 

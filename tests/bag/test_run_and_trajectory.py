@@ -10,10 +10,10 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, decoder, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory, _from_model_states, read_trajectory
+from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import Trajectory, _from_model_states, read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.config import Experiment

@@ -16,9 +16,9 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCova
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core import transforms

@@ -6,7 +6,7 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.robot_messages import clock
+from fieldtruth.bag.messages import clock
 from fieldtruth.bag.topics import CLOCK
 from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
 from fieldtruth.campaign import jobs
 from fieldtruth.campaign.config import Campaign

@@ -16,7 +16,7 @@ from unittest.mock import MagicMock
 import pytest
 
 from fieldtruth import cli
-from fieldtruth.bag.made_by import noted
+from fieldtruth.bag.provenance import noted
 from fieldtruth.cluster.worker import Recent, difference, facts
 from fieldtruth.core.errors import ClusterError, FieldtruthError, UnknownNameError
 

@@ -17,7 +17,7 @@ import pytest
 from dataset_bags import equal, rewrite
 from numpy.typing import NDArray
 
-from fieldtruth.bag import storage
+from fieldtruth.bag import reader
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.readings import cloud_of
 from fieldtruth.core.errors import FieldtruthError
@@ -37,7 +37,7 @@ def test_any_order_any_thread_and_a_pickled_copy_give_the_same(
     dataset = RunDataset(small_run.name, ("image", "cloud", "pose"))
     one_by_one = [dataset[k] for k in range(len(dataset))]
     monkeypatch.chdir(tmp_path)
-    storage._RECENT.forget()
+    reader._RECENT.forget()
     order = np.random.default_rng(0).permutation(len(dataset))
     copy = pickle.loads(pickle.dumps(dataset))
     with ThreadPoolExecutor(4) as pool:
@@ -76,7 +76,7 @@ def test_changes_of_a_sample_do_not_affect_others(small_run: Path) -> None:
 
 
 def test_the_chunks_in_memory_stay_below_their_budget() -> None:
-    recent = storage.ChunkCache(100)
+    recent = reader.ChunkCache(100)
     made = []
 
     def chunk(k: int) -> Callable[[], bytes]:
@@ -231,7 +231,7 @@ def test_a_run_without_frames_explains_why(small_run: Path, tmp_path: Path) -> N
 
 def test_an_index_that_points_to_another_topic_is_damage(small_run: Path) -> None:
     with open_bag(small_run / "park_1.bag") as bag:
-        found, elsewhere = storage.Storage(bag), bag.index([POINTS])[POINTS]
+        found, elsewhere = reader.Storage(bag), bag.index([POINTS])[POINTS]
     with pytest.raises(FieldtruthError, match=f"its index has {ODOMETRY} at the position of a message of {POINTS}"):
         found.message(ODOMETRY, int(elsewhere.chunk[3]), int(elsewhere.offset[3]))
 
@@ -242,7 +242,7 @@ def spoilt(small_run: Path, tmp_path: Path) -> Iterator[tuple[Path, RunDataset]]
     path = tmp_path / "park_1.bag"
     path.write_bytes((small_run / "park_1.bag").read_bytes())
     yield path, RunDataset(path)
-    storage._RECENT.forget()
+    reader._RECENT.forget()
 
 
 def test_a_missing_changed_or_damaged_bag_is_an_error(spoilt: tuple[Path, RunDataset]) -> None:
@@ -253,14 +253,14 @@ def test_a_missing_changed_or_damaged_bag_is_an_error(spoilt: tuple[Path, RunDat
         chunk = int(bag.index([topic])[topic].chunk[15])
     data[chunk + 5_000 : chunk + 6_000] = bytes(1_000)
     path.write_bytes(data)
-    storage._RECENT.forget()
+    reader._RECENT.forget()
     with pytest.raises(FieldtruthError, match=r"park_1\.bag has changed since the data set was opened; open it again"):
         list(dataset)
     again = RunDataset(path)
     with pytest.raises(FieldtruthError, match=r"cannot read .*park_1\.bag: "):
         list(again)
     path.unlink()
-    storage._RECENT.forget()
+    reader._RECENT.forget()
     with pytest.raises(FieldtruthError, match="No such file"):
         again[0]
 

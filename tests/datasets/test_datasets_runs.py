@@ -32,10 +32,11 @@ def lay(run: Path, folder: Path, names: Sequence[str], worlds: Mapping[str, int]
     return folder
 
 
-@pytest.fixture
-def ten(small_run: Path, tmp_path: Path) -> Runs:
+@pytest.fixture(scope="module")
+def ten(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Ten runs."""
-    return open_runs(lay(small_run, tmp_path / "data", [f"run_{k}" for k in range(10)]), ["labels"])
+    data = tmp_path_factory.mktemp("ten") / "data"
+    return open_runs(lay(small_run, data, [f"run_{k}" for k in range(10)]), ["labels"])
 
 
 def test_a_folder_is_its_runs_one_after_the_other(small_run: Path, tmp_path: Path) -> None:

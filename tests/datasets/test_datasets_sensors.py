@@ -13,7 +13,7 @@ from many_recording import with_sensors
 from many_sensors import many_rig
 from rosbags.highlevel import AnyReader
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
 from fieldtruth.sensors.camera.message import camera_matrix

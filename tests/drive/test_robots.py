@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from series import odometry_along
 
 import fieldtruth as ft
-from fieldtruth.bag.base_messages import wheel_transforms
+from fieldtruth.bag.messages import wheel_transforms
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from many_sensors import many_rig, many_sensors
 
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError

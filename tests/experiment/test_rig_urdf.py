@@ -11,7 +11,7 @@ import yaml
 from many_sensors import many_rig
 
 from fieldtruth import ConfigurationError, dump_experiment, load_experiment, parse_experiment
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import FORMATS

@@ -10,7 +10,7 @@ from typing import Any
 
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.bag.types import STORE
+from fieldtruth.bag.messages import STORE
 
 Message = tuple[str, int, Any]
 """Topic, stamp in the bag [ns] and message."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from fieldtruth.bag.types import MODEL_STATES, TF_MESSAGE
+from fieldtruth.bag.messages import MODEL_STATES, TF_MESSAGE
 
 STATES = "gazebo_msgs/msg/ModelStates"
 NOETIC = get_typestore(Stores.ROS1_NOETIC)

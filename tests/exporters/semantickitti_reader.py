@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import read_bag, stamp_ns, static_transforms
+from fieldtruth.bag.messages import STORE
 from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.types import STORE
 
 F8 = NDArray[np.float64]
 LIDAR_ONLY = (paper_topics.POINTS, table.TF_STATIC, table.ODOMETRY)

@@ -15,7 +15,8 @@ import pytest
 from export_bags import without
 
 from fieldtruth import cli
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import FORMATS, Options, export
 from fieldtruth.ontology import LABEL_MAPS

@@ -16,7 +16,7 @@ import yaml
 from PIL import Image
 from published_truth import Truth, publish, read_truth
 
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
 from fieldtruth.exporters.image_files import encode_tiff

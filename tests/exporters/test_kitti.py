@@ -22,9 +22,9 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag import storage
-from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.types import STORE
+from fieldtruth.bag import reader
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.messages import STORE
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.exporters import export
 
@@ -184,7 +184,7 @@ def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
     peaks = []
     for times in (2, 6):
         topics = (POINTS, ODOMETRY, *PHOTOS.values())

@@ -23,8 +23,8 @@ from many_sensors import many_rig
 from mcap.reader import make_reader
 from pypcd4.pypcd4 import PointCloud
 
-from fieldtruth.bag import count_messages
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.decode import count_messages
+from fieldtruth.bag.file import BagError
 from fieldtruth.exporters import FORMATS, export
 
 RIG = many_rig()

@@ -22,7 +22,8 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Twist as Twis
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
-from fieldtruth.bag.reader import BagError, RawMessage, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.exporters import export
 from fieldtruth.exporters.mcap import Ros2Types
 

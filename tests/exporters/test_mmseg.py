@@ -15,7 +15,7 @@ from export_bags import without
 from PIL import Image
 from published_truth import Truth, publish, read_truth
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
 from fieldtruth.exporters.mmseg import train_ids

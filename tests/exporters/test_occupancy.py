@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_mesh, make_world
 
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
+from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import OutputError

@@ -17,10 +17,10 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag import storage
-from fieldtruth.bag import types as ros
-from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.types import STORE
+from fieldtruth.bag import messages as ros
+from fieldtruth.bag import reader
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.messages import STORE
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import export
 
@@ -137,7 +137,7 @@ def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(storage._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
     peaks = []
     for times in (3, 12):
         long = longer(bag, tmp_path / f"{times}.bag", times, (POINTS, ODOMETRY), ("/tf_static",))

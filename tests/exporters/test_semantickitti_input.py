@@ -22,7 +22,7 @@ from semantickitti_reader import (
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import points
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.exporters import export
 
 

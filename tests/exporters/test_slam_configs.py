@@ -18,7 +18,7 @@ from export_bags import without
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.exporters import export
 from fieldtruth.exporters.slam_configs import ASSUMED_NOISE

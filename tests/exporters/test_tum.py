@@ -15,8 +15,8 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
-from fieldtruth.bag import types as ros
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag import messages as ros
+from fieldtruth.bag.file import BagError
 from fieldtruth.exporters import export
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from published_truth import Truth, read_truth
 
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.exporters import export
 from fieldtruth.ontology import LABEL_MAPS
 

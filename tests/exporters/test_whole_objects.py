@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export

@@ -16,7 +16,7 @@ import pytest
 from export_bags import peak_memory
 from isal import isal_zlib
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent

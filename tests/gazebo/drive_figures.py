@@ -13,8 +13,8 @@ from scipy.signal import welch
 from series import tachometers_along
 
 from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.messages import STORE
 from fieldtruth.bag.topics import ODOMETRY
-from fieldtruth.bag.types import STORE
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, rotation_from_quaternion_wxyz
 from fieldtruth.drive.track import Track

@@ -13,7 +13,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.decode import stamp_ns
-from fieldtruth.bag.types import STORE
+from fieldtruth.bag.messages import STORE
 from fieldtruth.experiment.rig import Rig
 
 

@@ -19,7 +19,7 @@ from test_ros_package import FakeRos, fake, package, small_park
 
 import fieldtruth.gazebo
 from fieldtruth.bag import topics
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment

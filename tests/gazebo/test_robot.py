@@ -14,7 +14,7 @@ import trimesh
 import xacro
 import yourdfpy
 
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from test_ros_package import small_park
 
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.files import load_experiment

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.made_by import makers_of, this_process
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import makers_of, sha256_of, this_process
 from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.degradation import degrade

@@ -17,7 +17,7 @@ import pytest
 from record_fakes import FakeEngine, make_experiment, make_world
 
 from fieldtruth import pipeline
-from fieldtruth.bag.growing import GrowingBag
+from fieldtruth.bag.writer import GrowingBag
 from fieldtruth.core import cache
 from fieldtruth.core.errors import DriveError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked

@@ -10,7 +10,7 @@ import pytest
 from record_fakes import FakeCamera, make_experiment, make_slices
 from rosbags.rosbag1 import Writer
 
-from fieldtruth.bag.growing import GrowingBag
+from fieldtruth.bag.writer import GrowingBag
 from fieldtruth.core.errors import OutputError, SliceError
 from fieldtruth.core.progress import Silent
 from fieldtruth.record.slices import Slices, ignore

@@ -36,7 +36,7 @@ from fieldtruth.bag.decode import (
     stamp_ns,
     static_transforms,
 )
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE

@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 import fieldtruth
-from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.decode import count_messages, read_bag, static_transforms
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.world.build import load_world
 

@@ -20,7 +20,7 @@ from report_pages import (
     words,
 )
 
-from fieldtruth.bag.types import STORE
+from fieldtruth.bag.messages import STORE
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.report.page import write_report
 

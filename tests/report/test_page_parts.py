@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig

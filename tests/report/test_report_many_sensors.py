@@ -17,9 +17,8 @@ from report_pages import Page, changed, page_of, words
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.calibration import read_static_frames
+from fieldtruth.bag.geometry import read_static_frames, read_trajectory
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from many_sensors import many_rig
 
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning

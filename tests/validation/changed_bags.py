@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag import topics as table
-from fieldtruth.bag import types as ros
-from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
+from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import BagWriter

@@ -42,7 +42,7 @@ def main() -> int:
     OtherLibrary.instruction_set = instruction_set.encode()
     os.environ["NUMBA_CPU_NAME"] = target
     ctypes.CDLL = OtherLibrary  # type: ignore[misc]
-    from fieldtruth.bag.made_by import this_process
+    from fieldtruth.bag.provenance import this_process
     from fieldtruth.cli import main as run
 
     if len(sys.argv) > 1:

@@ -13,9 +13,9 @@ from changed_bags import rewritten
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
+from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets import RunDataset
@@ -151,7 +151,7 @@ def test_validate_passes_and_finds_wrong_normals_and_flow(
 
 
 def read_one(raw: RawMessage) -> Any:
-    from fieldtruth.bag.types import STORE
+    from fieldtruth.bag.messages import STORE
 
     return STORE.deserialize_ros1(raw.data, raw.msgtype)
 

@@ -14,8 +14,7 @@ import other_processor
 import pytest
 from changed_bags import LEFT, POINTS, SMALL, Edit, Edits, bag_in, edited, failures, pixels_in, points_in, rewritten
 
-from fieldtruth.bag.checksums import read_checksums, sha256_of
-from fieldtruth.bag.made_by import difference, makers_of, note, noted, this_process
+from fieldtruth.bag.provenance import difference, makers_of, note, noted, read_checksums, sha256_of, this_process
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
@@ -161,9 +160,11 @@ def test_wrong_readings_of_another_processor_fail(
 
 
 def short(name: str) -> Experiment:
-    """A second of an experiment with five images of each camera."""
-    values = load_experiment(name).model_dump() | {"seconds": 1.0}
+    """Some clouds of an experiment and two images of each camera, in the park a second with five large ones."""
+    values = load_experiment(name).model_dump() | {"seconds": 1.0 if name == "park_1" else 0.4}
     values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
+    if name != "park_1":
+        values["rig"]["cameras"] |= {"width": SMALL[1], "height": SMALL[0]}
     return Experiment.model_validate(values)
 
 

@@ -14,11 +14,11 @@ from rosbags.rosbag1 import Reader
 
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.decode import count_messages
-from fieldtruth.bag.model_states import ModelStatesReader, read_objects
-from fieldtruth.bag.reader import BagError, RawMessage, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import ModelStatesReader, read_objects, read_trajectory
+from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.campaign.estimate import _bytes_once
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export

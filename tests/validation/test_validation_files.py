@@ -13,7 +13,7 @@ import pytest
 from changed_bags import bag_in, failures
 from rosbags.rosbag1 import ReaderError
 
-from fieldtruth.bag.checksums import CHECKSUMS
+from fieldtruth.bag.provenance import CHECKSUMS
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Silent

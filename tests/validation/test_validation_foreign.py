@@ -13,8 +13,8 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__String as String
 
+from fieldtruth.bag import messages as ros
 from fieldtruth.bag import topics as table
-from fieldtruth.bag import types as ros
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.validation import Check
 from fieldtruth.validation.check import Count, Rule, Spec, Tally

@@ -23,7 +23,7 @@ from changed_bags import (
 )
 from numpy.typing import NDArray
 
-from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.topics import MODEL_STATES
 from fieldtruth.core.classes import PALETTE, Label

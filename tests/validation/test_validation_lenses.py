@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.exporters import export

@@ -11,7 +11,7 @@ from changed_bags import GNSS, IMU, LEFT, RIGHT, WHEEL_ODOMETRY, Edit, Edits, ad
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
 

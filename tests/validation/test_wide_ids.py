@@ -18,8 +18,9 @@ from PIL import Image
 from record_fakes import FakeCamera, FakeEngine, FakeLidar, FakeScan, make_experiment, make_track, make_world
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.model_states import read_objects
-from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import read_objects
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.png import ids_png
 from fieldtruth.datasets import RunDataset

@@ -7,28 +7,32 @@ only read: its messages are copied unchanged, merged with the new ones, into a n
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from heapq import merge
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import Connection
 
-from fieldtruth.annotation.check import check_frames, check_objects, check_poses
-from fieldtruth.annotation.merge import RECORDED, merge_bags
-from fieldtruth.annotation.poses import Poses, read_poses
+from fieldtruth.annotation.check import Poses, check_frames, check_objects, check_poses, read_poses
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.model_states import ROBOT
-from fieldtruth.bag.robot_messages import tf_static
+from fieldtruth.bag.messages import tf_static
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.topics import ROBOT
+from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.files import locked, output_path
+from fieldtruth.core.files import locked, output_errors
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
@@ -191,3 +195,61 @@ def _latched(poses: Poses, frames: Mapping[tuple[str, str], Array]) -> dict[str,
     """/tf_static of the added frames at the first pose: its stamp in the bag [ns], and its bytes."""
     first_ns = int(poses.trajectory.stamps_ns[0])
     return {table.TF_STATIC: (poses.recorded_at(first_ns), tf_static(first_ns, frames))} if frames else {}
+
+
+RECORDED: Final = "/recorded"
+"""Prefix of the bag's own topics where new ones have their names."""
+
+
+class _Entry(NamedTuple):
+    """A message for the new bag: its stamp there [ns], its topic or the connection that recorded it, and its bytes."""
+
+    stamp_ns: int
+    topic: str | Connection
+    data: bytes
+
+
+def merge_bags(
+    run: Run,
+    slices: Slices,
+    target: Path,
+    latched: Mapping[str, tuple[int, bytes]],
+    recorded_at: Callable[[int], int],
+    advance: Advance,
+) -> None:
+    """Write all messages in time order; of those with the same stamp the other bag's come first.
+
+    One chunk of each is in memory at a time.
+
+    Args:
+        run: the other bag, all of whose messages are copied; topics that are new, too, get the prefix ``RECORDED``.
+        slices: the new messages; all slices are finished.
+        target: the new bag; it appears when it is complete.
+        latched: stamp in the bag [ns] and bytes, by topic, of messages that are published once.
+        recorded_at: stamp in the bag [ns] of a reading taken at a stamp [ns].
+        advance: called with the time [s] just written.
+    """
+    once = [topic for topic in table.PAPER_TOPICS if topic.name in latched]
+    with (
+        output_errors(target, resumes=True),
+        open_bag(run.bag, own_names=True) as source,
+        BagWriter(target, [*once, *slices.topics]) as bag,
+    ):
+        new = {topic.name for topic in slices.topics}
+        kept = [c._replace(topic=RECORDED + c.topic) if c.topic in new else c for c in source.connections]
+        connections = {connection.id: bag.carry(connection) for connection in kept}
+
+        def original() -> Iterator[_Entry]:
+            for raw in source.messages():
+                yield _Entry(raw.stamp_ns, connections[raw.connection], raw.data)
+
+        def added() -> Iterator[_Entry]:
+            yield from (_Entry(stamp, topic, data) for topic, (stamp, data) in latched.items())
+            for k in range(slices.count):
+                with open_bag(slices.path(k)) as part:
+                    for raw in part.messages():
+                        yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
+
+        entries = merge(original(), added(), key=lambda entry: entry.stamp_ns)
+        for entry in timed(entries, advance, run.start_ns):
+            bag.write(entry.topic, entry.stamp_ns, entry.data)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags: topics and message types, reading and writing, tf and calibration, the true trajectory.
 
-These are the names for reading. Modules that write import the physics, which takes longer to load.
+These are the public names for reading (``ft.bag.points``).
 """
 
 from fieldtruth.bag.decode import (
@@ -21,7 +21,7 @@ from fieldtruth.bag.decode import (
     stamp_ns,
     static_transforms,
 )
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 
 __all__ = [
     "BagError",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.bag.errors import BagError, first_bytes
+from fieldtruth.bag.file import BagError, first_bytes
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_config import TRUTH

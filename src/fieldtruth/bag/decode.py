@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import ORIGIN, BagError, decoder, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import ORIGIN, decoder, open_bag
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE

@@ -27,8 +27,7 @@ from mcap.records import Channel, ChunkIndex, Schema
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys import TypesysError
 
-from fieldtruth.bag.errors import MCAP, BagError
-from fieldtruth.bag.file import ChunkInfo, Row, StoredFile
+from fieldtruth.bag.file import MCAP, BagError, ChunkInfo, Row, StoredFile
 from fieldtruth.bag.ros2 import Ros2Type, converter_of, definition_of
 from fieldtruth.core.errors import FieldtruthWarning
 

@@ -15,7 +15,7 @@ from rosbags.convert.converter import is_same_wireformat, migrate_bytes
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 
 MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
 _LITTLE_ENDIAN: Final = b"\x00\x01"

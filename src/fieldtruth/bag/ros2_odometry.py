@@ -12,9 +12,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
-from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.streams import given_stamps, rising_rows
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.file import BagError, read_errors
+from fieldtruth.bag.geometry import Trajectory
+from fieldtruth.bag.readings import given_stamps, rising_rows
 from fieldtruth.core.errors import FieldtruthError
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

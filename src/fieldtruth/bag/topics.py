@@ -1,25 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of a bag with message type and rate: the paper's Table 5, with additions, for the sensors of a rig.
+"""Topics of a bag with message type and rate, and the sensors of a rig as a bag has them.
 
-Their order is that of connection numbers, and of messages with the same stamp.
+Topics are those of the paper's Table 5, with additions. Their order is that of connection numbers, and of messages with
+the same stamp.
 """
 
-from collections.abc import Container
-from typing import Final
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
 
+from fieldtruth.core import readings
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_config import KINDS
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
+from fieldtruth.experiment.topic import WHEELS, Topic
+from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
 """Named objects that ``static_objects: auto`` repeats in every /gazebo/model_states. Each takes some 120 bytes; below
 64 kB LZ4 finds the previous message, which is nearly the same."""
 POSE_RATE: Final = 50.0  # [Hz]; /tf and odometry have a pose at every default stamp of IMU, cameras and LiDAR
-
 CLOCK: Final = "/clock"
 TF_STATIC: Final = "/tf_static"
 MODEL_STATES: Final = "/gazebo/model_states"
@@ -27,7 +31,8 @@ STATIC_MODEL_STATES: Final = "/gazebo/static_model_states"
 ODOMETRY: Final = "/ground_truth/odom"
 TF: Final = "/tf"
 COMMANDS: Final = "/cmd_vel"
-
+ROBOT: Final = "husky"
+"""The robot in the topics of model states, which the paper drives."""
 _TRUTH: Final = (
     Topic(CLOCK, "rosgraph_msgs/msg/Clock", TRUTH_RATE),
     Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", None),
@@ -62,7 +67,6 @@ PAPER_RIG: Final = paper_rig(stereo=StereoConfig(depth=True, instances=True))
 """The paper's rig, with depth and instances."""
 PAPER_TOPICS: Final = topics_of(PAPER_RIG, latched=True)
 """Topics of this rig."""
-
 _PUBLISHED: Final = {
     "/os0_cloud_node/points": "/os1_cloud_node/points",
     **{f"/gazebo_client/back_{side}_speed": f"/gazebo_client/rear_{side}_speed" for side in ("left", "right")},
@@ -87,3 +91,100 @@ def latches_objects(experiment: Experiment, objects: int) -> bool:
     """Whether a run publishes its static objects once, by its option and the number of named objects in its world."""
     option = experiment.static_objects
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
+
+
+PARTS: Final = {
+    "photo": "photograph",
+    "label": "tag",
+    "depth": "depth",
+    "instance": "instances",
+    "normal": "normals",
+    "flow": "flow",
+}
+"""Stream of a camera by the field of an image that it becomes."""
+EXTRAS: Final = ("depth", "instance", "normal", "flow")
+"""Fields of an image that are recorded on demand."""
+_TYPES: Final[Mapping[str, type[readings.Reading]]] = {
+    "sensor_msgs/msg/PointCloud2": readings.Cloud,
+    "sensor_msgs/msg/Imu": readings.Inertial,
+    "sensor_msgs/msg/NavSatFix": readings.Fix,
+    "sensor_msgs/msg/JointState": readings.Joints,
+    "nav_msgs/msg/Odometry": readings.Odometry,
+}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A sensor that gives readings: a LiDAR, one view of a camera, the wheels' speeds, their odometry, ..."""
+
+    name: str
+    """That of the output: of the sensor, with a part behind a slash where it has several, as ``NAME/left``."""
+    label: str
+    """In files: the name, or that of a view: left and right of the paper's pair, ``NAME_left`` of others."""
+    type: type[readings.Reading]
+    topics: Mapping[str, str]
+    """Topic by part: of an image by its field, of wheels by name; of others the only one is ``main``."""
+    msgtypes: Mapping[str, str]
+    """Type of message by topic."""
+    frame: str
+    """Of the readings, by the configuration; empty if they have none."""
+    config: Any
+    """Of the sensor."""
+    device: str
+    """Name of the sensor, which is that of both views of a pair."""
+    side: str = ""
+    """left or right of a pair."""
+    info: str = ""
+    """Topic of the calibration of a camera."""
+
+    @property
+    def topic(self) -> str:
+        """The first topic: of the clouds, of the photographs."""
+        return next(iter(self.topics.values()))
+
+    def recorded(self, present: Container[str]) -> tuple[str, ...]:
+        """Parts whose topics are in a bag."""
+        return tuple(part for part, topic in self.topics.items() if topic in present)
+
+    def has(self, present: Container[str], *parts: str) -> bool:
+        """Whether a bag has some parts, by default the first."""
+        return all(topic in present for topic in ([self.topics[part] for part in parts] or [self.topic]))
+
+
+def sources_of(rig: Rig, *, disabled: bool = False) -> dict[str, Source]:
+    """Sources of the sensors of a rig, with ``disabled`` also of those that are not enabled, by name, in its order."""
+    enabled = (sensor for sensor in rig.sensors if sensor.enabled or disabled)
+    return {source.name: source for sensor in enabled for source in _sources(sensor)}
+
+
+def _sources(sensor: SensorConfig) -> Iterator[Source]:
+    if isinstance(sensor, CameraConfig):
+        yield from map(_view, sensor.imagers())
+        return
+    for output in sensor.outputs():
+        if output.ideal:
+            continue
+        found: dict[type[readings.Reading], dict[str, str]] = {}
+        for topic in output.topics:
+            if topic.name in WHEEL_SPEEDS:
+                parts, part = found.setdefault(readings.WheelSpeeds, {}), WHEELS[WHEEL_SPEEDS.index(topic.name)]
+            else:
+                parts, part = found.setdefault(_TYPES.get(topic.msgtype, readings.Message), {}), "main"
+            parts[part if part not in parts else topic.name] = topic.name
+        for kind, parts in found.items():
+            name = output.name if output.topics[0].name in parts.values() else f"{output.name}/others"
+            types = {topic.name: topic.msgtype for topic in output.topics if topic.name in parts.values()}
+            yield Source(name, name, kind, parts, types, output.frame, sensor, sensor.name)
+
+
+def _view(imager: Imager) -> Source:
+    sensor = imager.config
+    topics = {part: imager.topic_of(stream) for part, stream in PARTS.items()}
+    name = f"{sensor.name}/{imager.side}" if imager.side else imager.name
+    image = "sensor_msgs/msg/Image"
+    types: dict[str, Any] = dict.fromkeys(topics.values(), image)
+    types[topics["photo"]] = "sensor_msgs/msg/CompressedImage"
+    return Source(
+        name, imager.name, readings.Image, topics, types, imager.optical_frame, sensor, sensor.name, imager.side,
+        imager.topic_of("camera_info"),
+    )  # fmt: skip

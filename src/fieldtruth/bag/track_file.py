@@ -16,18 +16,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import BASE
-from fieldtruth.bag.calibration import StaticFrames, first_message
-from fieldtruth.bag.errors import MCAP, BagError, first_bytes
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.file import MCAP, BagError, first_bytes
+from fieldtruth.bag.geometry import StaticFrames, Trajectory, first_message, read_trajectory, seconds
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError, UnknownNameError
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import BASE
 
 LARGEST_STEP_NS: Final = 500_000_000
 """A longer time [ns] between two poses is reported."""

@@ -16,8 +16,8 @@ from time import monotonic
 from typing import Any, Final
 
 import fieldtruth
-from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.decode import count_messages
+from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.run import EXPERIMENT, open_run
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.estimate import CACHED, Stages, end_with_parent

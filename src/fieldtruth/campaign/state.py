@@ -16,8 +16,9 @@ from typing import Annotated, Final, NamedTuple, Self
 from pydantic import Field, ValidationError
 
 import fieldtruth
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.campaign.draw import PlannedRun, simulated_s
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from distributed import Client, Future, as_completed
 
-from fieldtruth.bag.made_by import note
+from fieldtruth.bag.provenance import note
 from fieldtruth.bag.topics import topics_of_run
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster import worker

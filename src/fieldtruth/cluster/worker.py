@@ -19,7 +19,7 @@ from distributed import KilledWorker, get_worker
 from distributed.comm import CommClosedError
 
 import fieldtruth
-from fieldtruth.bag.made_by import LIBRARIES, Maker, this_process
+from fieldtruth.bag.provenance import LIBRARIES, Maker, this_process
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import ClusterError, SliceError
 from fieldtruth.drive.track import Track

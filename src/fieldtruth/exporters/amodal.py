@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts

@@ -24,12 +24,11 @@ from pycocotools import mask as coco_mask
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.model_states import read_objects
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Trajectory, read_objects
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label

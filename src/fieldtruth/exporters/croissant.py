@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import fieldtruth
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.exporters.huggingface_card import content_of, is_own, title_of
 from fieldtruth.exporters.parquet import Column

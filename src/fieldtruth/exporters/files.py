@@ -21,14 +21,12 @@ from numpy.typing import NDArray
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import JOINTS
-from fieldtruth.bag.calibration import BASE, Lens
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.model_states import read_objects
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Lens, read_objects, read_trajectory
+from fieldtruth.bag.messages import JOINTS
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source, sources_of
-from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.topics import Source, sources_of
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
@@ -36,6 +34,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import counted
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Joints, Message, Odometry, Reading, WheelSpeeds
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png

@@ -18,16 +18,17 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.readings import Readings, checked_jpeg, reflectivity
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.readings import Readings, checked_jpeg, matched, reflectivity
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.sources import EXTRAS, PARTS, Source
-from fieldtruth.bag.streams import matched
+from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets.folder import bags_in
 from fieldtruth.ontology import LabelMap
+from fieldtruth.datasets import bags_in
+from fieldtruth.ontology.label_map import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_-]")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import EXTRAS, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png

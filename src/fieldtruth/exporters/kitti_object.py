@@ -14,11 +14,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order

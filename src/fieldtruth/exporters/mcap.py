@@ -26,8 +26,9 @@ from rosbags.rosbag2.metadata import dump_qos_v8
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 import fieldtruth
-from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options

@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.model_states import read_objects
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import read_objects
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts

@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.readings import reflectivity
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import seconds
+from fieldtruth.bag.readings import nearest, reflectivity
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.streams import nearest
-from fieldtruth.bag.trajectory import seconds
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.readings import Cloud, Image

@@ -10,10 +10,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.topics import TF_STATIC
+from fieldtruth.bag.topics import TF_STATIC, Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning

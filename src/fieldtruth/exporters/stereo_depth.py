@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.parallel import in_order
 from fieldtruth.exporters import Options

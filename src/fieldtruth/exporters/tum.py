@@ -5,8 +5,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from fieldtruth.bag.geometry import Trajectory, seconds
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory, seconds
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters import Options

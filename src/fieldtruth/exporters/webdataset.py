@@ -21,9 +21,9 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud

@@ -23,8 +23,8 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from isal import isal_zlib
 
-from fieldtruth.bag.checksums import CHECKSUMS, read_checksums
-from fieldtruth.bag.errors import BagError, read_errors
+from fieldtruth.bag.file import BagError, read_errors
+from fieldtruth.bag.provenance import CHECKSUMS, read_checksums
 from fieldtruth.bag.run import CARD, EXPERIMENT, MADE_BY, Run
 from fieldtruth.exporters import Options
 

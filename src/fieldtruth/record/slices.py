@@ -18,9 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.bag.growing import GrowingBag
-from fieldtruth.bag.made_by import LIBRARIES
-from fieldtruth.bag.writer import BagWriter
+from fieldtruth.bag.provenance import LIBRARIES
+from fieldtruth.bag.writer import BagWriter, GrowingBag
 from fieldtruth.core.cache import cache_key, is_sealed
 from fieldtruth.core.errors import FieldtruthError, OutputError, SliceError
 from fieldtruth.core.files import output_errors, remove

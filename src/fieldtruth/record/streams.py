@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fieldtruth.bag import base_messages, robot_messages, topics
+from fieldtruth.bag import messages, topics
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig
@@ -50,30 +50,30 @@ def _stamps(config: SensorConfig, track: Track) -> Callable[[Output], Stamps]:
 
 
 def _commands(commands: Commands) -> Stream:
-    return Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)])
+    return Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [messages.command(k, commands)])
 
 
 def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool) -> list[Stream]:
     motion, base = track.motion, track.base
-    objects = robot_messages.ModelStatesWriter(world)
-    states = robot_messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
-    fixed = robot_messages.fixed_transforms(rig)
+    objects = messages.ModelStatesWriter(world)
+    states = messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
+    fixed = messages.fixed_transforms(rig)
     every_step = motion.stamps_ns
     rows = np.searchsorted(every_step, poses)
 
     def tf(k: int, _: Sensors) -> list[bytes]:
-        wheels = {} if base is None else base_messages.wheel_transforms(rig, base.wheels.angle[rows[k]])
-        return [robot_messages.tf(k, poses[k], state_at(motion, int(poses[k])), wheels)]
+        wheels = {} if base is None else messages.wheel_transforms(rig, base.wheels.angle[rows[k]])
+        return [messages.tf(k, poses[k], state_at(motion, int(poses[k])), wheels)]
 
     return [
-        Stream((topics.CLOCK,), every_step, lambda k, _: [robot_messages.clock(every_step[k])]),
-        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [robot_messages.tf_static(every_step[k], fixed)]),
+        Stream((topics.CLOCK,), every_step, lambda k, _: [messages.clock(every_step[k])]),
+        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [messages.tf_static(every_step[k], fixed)]),
         *[Stream((topics.STATIC_MODEL_STATES,), every_step[:1], lambda k, _: [objects.message(k, motion)])] * latched,
         Stream((topics.MODEL_STATES,), every_step, lambda k, _: [states.message(k, motion)]),
         Stream(
             (topics.ODOMETRY,),
             poses,
-            lambda k, _: [robot_messages.odometry(k, poses[k], state_at(motion, int(poses[k])))],
+            lambda k, _: [messages.odometry(k, poses[k], state_at(motion, int(poses[k])))],
         ),
         Stream((topics.TF,), poses, tf),
     ]

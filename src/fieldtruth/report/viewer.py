@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import WHEEL_FRAMES
-from fieldtruth.bag.calibration import Lens
+from fieldtruth.bag.geometry import Lens
+from fieldtruth.bag.messages import WHEEL_FRAMES
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors, output_path

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import StaticFrames
+from fieldtruth.bag.geometry import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run

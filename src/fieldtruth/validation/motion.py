@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.bag.decode import matrix
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
+from fieldtruth.bag.messages import WHEEL_FRAMES, fixed_transforms
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import fixed_transforms
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.bag.track_file import read_track_file
-from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError

@@ -16,15 +16,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
-from fieldtruth.bag.errors import is_ros1
+from fieldtruth.bag.file import is_ros1
+from fieldtruth.bag.messages import WHEEL_FRAMES, WORLD
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import WORLD
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.sensor_config import KINDS, TRUTH, SensorConfig
-from fieldtruth.experiment.topic import Output, Topic
+from fieldtruth.experiment.topic import BASE, ODOM, Output, Topic
 from fieldtruth.validation.check import SIGMAS, Check, Count, Rule, Spec, see_normal
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 

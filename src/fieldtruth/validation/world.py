@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import points, tag_image
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Trajectory
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import readings
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import points
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES

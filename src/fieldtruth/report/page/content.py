@@ -9,11 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.readings import Readings, image_of
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.progress import Progress

@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.model_states import ROBOT, read_objects
+from fieldtruth.bag.geometry import Trajectory, read_objects
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
 from fieldtruth.core.progress import Progress

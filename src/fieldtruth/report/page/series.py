@@ -12,8 +12,8 @@ import pymap3d
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.report.drawing.style import fixed
 

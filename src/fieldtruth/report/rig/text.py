@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE
-from fieldtruth.bag.robot_messages import WORLD, rig_transforms
+from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
@@ -19,6 +18,7 @@ from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Cylinder, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig

@@ -11,7 +11,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker

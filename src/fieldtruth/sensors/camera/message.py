@@ -12,7 +12,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CompressedImage
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as Image
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.readings import Ids

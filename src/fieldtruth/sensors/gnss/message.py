@@ -10,7 +10,7 @@ from typing import Final
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Fix
 from fieldtruth.sensors.gnss.signal import SERVICE
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Inertial
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import poses_at

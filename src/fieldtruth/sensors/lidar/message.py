@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Cloud
 from fieldtruth.sensors.lidar.config import LidarConfig
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import JOINTS, WHEEL_FRAMES, wheel_transforms
 from fieldtruth.bag.decode import matrix
+from fieldtruth.bag.messages import JOINTS, WHEEL_FRAMES, wheel_transforms
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array

@@ -12,7 +12,7 @@ from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odomet
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__JointState as JointState
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
-from fieldtruth.bag import types as ros
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Joints, Odometry
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE, JOINTS, ODOM
+from fieldtruth.bag.messages import JOINTS
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.readings import Joints, Reading, WheelSpeeds
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.topic import BASE, ODOM, Output
 from fieldtruth.sensors.kind import At, MotionSensor
 from fieldtruth.sensors.wheel_odometry import message
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig

@@ -1,0 +1,417 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Geometry in a bag: true poses of the robot and of objects, mounts of the sensors, and projection of the cameras.
+
+Poses are in /ground_truth/odom or, if that is missing, in /gazebo/model_states, mounts in /tf_static, and projections
+in CameraInfo.
+"""
+
+import struct
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.bag_file import BagFile
+from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.reader import Storage, decoder, open_bag
+from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
+from fieldtruth.bag.topics import ROBOT, Source, objects_topic
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array, Counts, Mask
+from fieldtruth.experiment.topic import BASE
+
+
+def read_objects(run: BagFile) -> tuple[tuple[str, ...], Array]:
+    """Return names and poses (n, 7) of all objects by instance id, as the run's first message has them; none without.
+
+    Raises:
+        BagError: the bag is damaged.
+    """
+    topic = objects_topic(run.counts)
+    if run.msgtypes.get(topic) != "gazebo_msgs/msg/ModelStates" or topic not in run.counts:
+        return (), np.zeros((0, 7))
+    reader = ModelStatesReader()
+    with open_bag(run.bag) as bag:
+        poses = reader.poses(next(bag.messages([topic])).data)
+    return reader.names, poses
+
+
+class ModelStatesReader:
+    """Names and true states of all objects, by row of the message. Names are unpacked only when they change."""
+
+    def __init__(self) -> None:
+        self.names: tuple[str, ...] = ()
+        self._head = b""
+
+    def poses(self, data: bytes) -> Array:
+        """Return poses (n, 7) in the world: x, y, z [m] and the quaternion (x, y, z, w).
+
+        Raises:
+            BagError: the bytes are not a ModelStates message.
+        """
+        return self._rows(data, 0, 7)
+
+    def twists(self, data: bytes) -> Array:
+        """Return twists (n, 6) in the world frame: linear [m/s], angular [rad/s].
+
+        Raises:
+            BagError: the bytes are not a ModelStates message.
+        """
+        return self._rows(data, 4 + 56 * self._count(data), 6)
+
+    def row(self, data: bytes, name: str = ROBOT) -> int:
+        """Return the row of an object.
+
+        Raises:
+            BagError: no object has that name.
+        """
+        self._count(data)
+        if name not in self.names:
+            raise BagError(f"/gazebo/model_states has no model {name!r}; available: {', '.join(self.names[:20])}")
+        return self.names.index(name)
+
+    def _rows(self, data: bytes, skip: int, columns: int) -> Array:
+        count = self._count(data)
+        at = len(self._head) + skip
+        if len(data) != len(self._head) + 8 + 104 * count or data[at : at + 4] != struct.pack("<L", count):
+            raise BagError("a message of /gazebo/model_states is damaged")
+        values: Array = np.frombuffer(data, "<f8", count * columns, at + 4).reshape(count, columns)
+        return values
+
+    def _count(self, data: bytes) -> int:
+        if not self._head or not data.startswith(self._head):
+            try:
+                names, at = [], 4
+                for _ in range(struct.unpack_from("<L", data)[0]):
+                    (size,) = struct.unpack_from("<L", data, at)
+                    names.append(data[at + 4 : at + 4 + size].decode())
+                    at += 4 + size
+                if at > len(data):
+                    raise ValueError("truncated")
+            except (struct.error, ValueError) as error:
+                raise BagError("a message of /gazebo/model_states is damaged") from error
+            self.names, self._head = tuple(names), data[:at]
+        return len(self.names)
+
+
+Rows = tuple["array[int] | Counts", "array[float]"]
+"""Stamps [ns], and seven numbers for each; packed, because there may be 1000 per second."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of base_link in the world, n rows: rising ``stamps_ns``, ``position`` [m], ``quaternion_wxyz``."""
+
+    stamps_ns: Counts
+    position: Array
+    quaternion_wxyz: Array
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def length_m(self) -> float:
+        """Length [m] of the path."""
+        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+    def world_from_base(self, stamp_ns: int) -> Array:
+        """Return the pose (4, 4) at a stamp [ns], interpolated linearly and spherically between two rows.
+
+        Raises:
+            BagError: the stamp is outside the trajectory by more than its largest step.
+        """
+        after = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        if after < len(self) and self.stamps_ns[after] == stamp_ns:
+            return transforms.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
+        if after in (0, len(self)):
+            nearest = min(after, len(self) - 1)
+            step = int(np.diff(self.stamps_ns).max(initial=0))
+            if abs(int(self.stamps_ns[nearest]) - stamp_ns) > step:
+                raise BagError(
+                    f"no true pose at {stamp_ns} ns; poses range from {self.stamps_ns[0]} to {self.stamps_ns[-1]} ns"
+                )
+            return transforms.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
+        before = after - 1
+        share = float(stamp_ns - self.stamps_ns[before]) / float(self.stamps_ns[after] - self.stamps_ns[before])
+        a, b = self.quaternion_wxyz[before], self.quaternion_wxyz[after]
+        b = b * np.copysign(1.0, a @ b)
+        angle = np.arccos(np.clip(a @ b, -1.0, 1.0))
+        if angle > 1e-6:
+            mixed = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
+        else:
+            mixed = (1.0 - share) * a + share * b
+        position = (1.0 - share) * self.position[before] + share * self.position[after]
+        return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
+
+
+def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:
+    """Read the true poses from odometry or, if that is missing, from the robot in /gazebo/model_states.
+
+    Stamps are those of the headers; ModelStates has no header, and where all headers have the stamp 0, that is said
+    with a warning, so the bag's stamps are used. Of several states with
+    one stamp of the bag, whose clock may be coarse, the first is taken; with ``coarse`` so are poses of odometry.
+
+    Raises:
+        BagError: the bag has neither, or is damaged, or the stamps do not rise.
+    """
+    if topic in run.counts and topic != table.MODEL_STATES:
+        stamps, rows = _from_odometry(run, topic)
+    elif table.MODEL_STATES in run.counts:
+        topic, coarse = table.MODEL_STATES, True
+        stamps, rows = _from_model_states(run)
+    else:
+        run.require(topic)
+    stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
+    _check_poses(stamps_ns, poses, f"{topic} of {run.bag}")
+    order = rising_rows(stamps_ns, topic, run.bag, coarse=coarse)
+    return Trajectory(stamps_ns[order], poses[order, :3], poses[order][:, [6, 3, 4, 5]])
+
+
+def _check_poses(stamps_ns: Counts, poses: Array, where: str) -> None:
+    with np.errstate(invalid="ignore", over="ignore"):
+        valid = np.isfinite(poses).all(axis=1) & (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) <= UNIT)
+    if not valid.all():
+        row = int(np.argmin(valid))
+        values = ", ".join(f"{value:g}" for value in poses[row])
+        raise BagError(
+            f"{where} at {stamps_ns[row]} ns: a pose must be finite, with a quaternion of length 1, "
+            f"got x, y, z, qx, qy, qz, qw {values}"
+        )
+
+
+def _from_odometry(run: BagFile, topic: str) -> Rows:
+    stamps, recorded, rows = array("q"), array("q"), array("d")
+    with open_bag(run.bag) as bag:
+        decode = decoder(bag)
+        for raw in bag.messages([topic]):
+            message = decode(raw)
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            stamps.append(stamp_ns(message.header))
+            recorded.append(raw.stamp_ns)
+            rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+        given = given_stamps(np.array(stamps, np.int64), np.array(recorded, np.int64), topic, run.bag)
+        refuse_second_pass(given, bag.index([topic])[topic], topic, run.bag)
+    return given, rows
+
+
+def _from_model_states(run: BagFile) -> Rows:
+    reader = ModelStatesReader()
+    stamps, rows = array("q"), array("d")
+    with open_bag(run.bag) as bag:
+        for raw in bag.messages([table.MODEL_STATES]):
+            stamps.append(raw.stamp_ns)
+            rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())
+    return stamps, rows
+
+
+def seconds(ns: int) -> str:
+    """Format a time [ns] as seconds with nine decimals."""
+    return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"
+
+
+def pose_topic(run: BagFile) -> str:
+    """Return the topic of the true pose: /ground_truth/odom if the bag has it, else /gazebo/model_states.
+
+    Raises:
+        BagError: the bag has neither.
+    """
+    if table.ODOMETRY not in run.counts and table.MODEL_STATES in run.counts:
+        return table.MODEL_STATES
+    run.require(table.ODOMETRY)
+    return table.ODOMETRY
+
+
+class Poses:
+    """True poses by stamp; only their positions in the bag are in memory."""
+
+    def __init__(self, storage: Storage, stream: Stream) -> None:
+        self._storage = storage
+        self._stream = stream
+
+    def cover(self, stamps_ns: Counts) -> Mask:
+        """Return which stamps lie between the first and the last pose."""
+        known = self._stream.stamps_ns
+        inside: Mask = (stamps_ns >= known[0]) & (stamps_ns <= known[-1])
+        return inside
+
+    def world_from_base(self, stamp_ns: int) -> Array:
+        """Return the pose (4, 4) at a covered stamp [ns], interpolated between two messages."""
+        known = self._stream.stamps_ns
+        after = int(np.searchsorted(known, stamp_ns))
+        rows = [after] if known[after] == stamp_ns else [after - 1, after]
+        poses = np.array([self._row(row) for row in rows])
+        return Trajectory(known[rows], poses[:, :3], poses[:, 3:]).world_from_base(stamp_ns)
+
+    def _row(self, row: int) -> tuple[float, ...]:
+        """Return position [m] and quaternion (w, x, y, z)."""
+        stream = self._stream
+        message = self._storage.message(stream.topic, int(stream.chunk[row]), int(stream.offset[row]))
+        pose = self._pose(message)
+        p, q = pose.position, pose.orientation
+        return p.x, p.y, p.z, q.w, q.x, q.y, q.z
+
+    def _pose(self, message: Any) -> Any:
+        if self._stream.topic == table.ODOMETRY:
+            return message.pose.pose
+        if ROBOT not in message.name:
+            raise BagError(f"{table.MODEL_STATES} of {self._storage.path} has no model {ROBOT!r}")
+        return message.pose[message.name.index(ROBOT)]
+
+
+@dataclass(frozen=True)
+class StaticFrames:
+    """The fixed frames of a robot: ``parents[child]`` is the parent and ``parent_from_child`` (4, 4)."""
+
+    parents: Mapping[str, tuple[str, Array]]
+    source: str
+    """The bag, or other source, for error messages."""
+
+    def base_from(self, frame: str) -> Array:
+        """Return base_link from ``frame``, (4, 4), composed along their chains of parents.
+
+        Raises:
+            BagError: unknown frame, or one that is not connected to base_link.
+        """
+        frame = frame.strip("/")
+        known = {BASE, *self.parents, *(parent for parent, _ in self.parents.values())}
+        if frame not in known:
+            raise BagError(f"/tf_static of {self.source} has no frame {frame!r}; available: {', '.join(sorted(known))}")
+        (root, root_from_frame), (base_root, root_from_base) = self._to_root(frame), self._to_root(BASE)
+        if root != base_root:
+            raise BagError(f"/tf_static of {self.source} does not connect {frame!r} with {BASE!r}")
+        return transforms.inverse(root_from_base) @ root_from_frame
+
+    def _to_root(self, frame: str) -> tuple[str, Array]:
+        """Return the root of a frame's tree, and ``root_from_frame``."""
+        root_from_frame: Array = np.eye(4)
+        for _ in self.parents:
+            if frame not in self.parents:
+                break
+            frame, parent_from_child = self.parents[frame]
+            root_from_frame = parent_from_child @ root_from_frame
+        if frame in self.parents:
+            raise BagError(f"/tf_static of {self.source} has a cycle at {frame!r}")
+        return frame, root_from_frame
+
+
+class Lens(NamedTuple):
+    """What a camera publishes of its images: CameraInfo."""
+
+    frame: str
+    width: int
+    height: int
+    K: Array
+    """(3, 3) [pixel]; the centre of the first pixel is (0, 0). Of a panorama zeros."""
+    R: Array
+    """(3, 3) rotation to the rectified frame."""
+    P: Array
+    """(3, 4) [pixel] of points [m] in the optical frame of the left camera; the right one holds the baseline."""
+    D: Array
+    """(n,) coefficients."""
+    model: str
+    """plumb_bob, equidistant, ..."""
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether K alone describes it."""
+        return self.model in ("", "plumb_bob") and not self.D.any()
+
+
+class Calibration:
+    """Mounts of the sensors and lenses of the cameras, by name of the sensor; each is read when it is first asked."""
+
+    def __init__(self, run: BagFile, sensors: Mapping[str, Source]) -> None:
+        self._run, self._sensors = run, sensors
+        self._lenses: dict[str, Lens] = {}
+
+    def has_lens(self, sensor: str) -> bool:
+        """Whether the bag has the lens of a view."""
+        return self._sensors[sensor].info in self._run.counts
+
+    def lens(self, sensor: str) -> Lens:
+        """Return the lens of a view.
+
+        Raises:
+            BagError: the bag has none, or is damaged.
+        """
+        if sensor not in self._lenses:
+            topic = self._sensors[sensor].info
+            self._run.require(topic)
+            m = first_message(self._run, topic)
+            k, r, p = (np.array(getattr(m, name), np.float64).reshape(3, -1) for name in "KRP")
+            d = np.array(m.D, np.float64)
+            size = int(m.width), int(m.height)
+            self._lenses[sensor] = Lens(str(m.header.frame_id), *size, k, r, p, d, str(m.distortion_model))
+        return self._lenses[sensor]
+
+    def projection(self, sensor: str) -> Array:
+        """Return P (3, 4) [pixel] of a rectified view.
+
+        Raises:
+            BagError: the bag has none, or one that is no projection.
+        """
+        p = self.lens(sensor).P
+        if not (np.isfinite(p).all() and p[0, 0] > 0.0 < p[1, 1]):
+            topic = self._sensors[sensor].info
+            raise BagError(f"{topic} of {self._run.bag} has an invalid projection: P has fx {p[0, 0]}, fy {p[1, 1]}")
+        return p
+
+    def frame(self, sensor: str) -> str:
+        """Return the frame of a sensor's readings: that of its first message, without any that of its configuration."""
+        source = self._sensors[sensor]
+        topic = next((t for t in (source.info, *source.topics.values()) if t in self._run.counts), None)
+        return source.frame if topic is None else str(first_message(self._run, topic).header.frame_id)
+
+    def base_from(self, sensor: str) -> Array:
+        """Return base_link from the frame of a sensor's readings, (4, 4).
+
+        Raises:
+            BagError: /tf_static is missing, or does not connect the frame with base_link.
+        """
+        return self.static.base_from(self.frame(sensor))
+
+    @cached_property
+    def static(self) -> StaticFrames:
+        """The fixed frames."""
+        return read_static_frames(self._run)
+
+
+def read_static_frames(run: BagFile) -> StaticFrames:
+    """Read the fixed frames of a run.
+
+    Raises:
+        BagError: the bag has no /tf_static, or is damaged.
+    """
+    run.require(table.TF_STATIC)
+    with open_bag(run.bag) as bag:
+        decode = decoder(bag)
+        stamped = [each for raw in bag.messages([table.TF_STATIC]) for each in decode(raw).transforms]
+    parents: dict[str, tuple[str, Array]] = {}
+    for each in stamped:  # of one that is published again, the last counts
+        parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
+        try:
+            parent_from_child = matrix(each.transform)
+        except BagError as error:
+            raise BagError(f"/tf_static of {run.bag}: {parent!r} to {child!r}: {error}") from error
+        if (before := parents.setdefault(child, (parent, parent_from_child))[0]) != parent:
+            raise BagError(
+                f"/tf_static of {run.bag} has {child!r} below both {before!r} and {parent!r}; one is allowed"
+            )
+        parents[child] = parent, parent_from_child
+    return StaticFrames(parents, str(run.bag))
+
+
+def first_message(run: BagFile, topic: str) -> Any:
+    """Read the first message of a topic of the run, with ROS's field names.
+
+    Raises:
+        BagError: the bag is damaged.
+    """
+    with open_bag(run.bag) as bag:
+        return decoder(bag)(next(bag.messages([topic])))

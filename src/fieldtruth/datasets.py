@@ -1,0 +1,580 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs as data sets for training: frames by index, in any order, from any process. Only ``collate`` needs PyTorch.
+
+parts = ft.split(ft.open_runs("data", items=("image", "mask")), train=["park_1", "lake_1"], val=["forest_1"])
+loader = DataLoader(parts["train"], batch_size=8, shuffle=True, num_workers=4, collate_fn=ft.collate)
+"""
+
+import copy
+import operator
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple, SupportsIndex, TypedDict, Unpack, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag.bag_file import BAG_ENDINGS
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Lens, Poses
+from fieldtruth.bag.readings import Readings, nearest, reflectivity
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.topics import EXTRAS, PARTS, Source
+from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.ontology.label_map import LabelMap, label_map_of
+
+Sensor = Literal["camera", "lidar"]
+
+
+class Sample(TypedDict, total=False):
+    """One frame: ``run`` and ``stamp_ns``, and the keys of the requested items.
+
+    Arrays are new and may be changed. The camera's optical frame has x right, y down, z forward; the LiDAR's frame and
+    ``base_link`` have x forward, y left, z up.
+    """
+
+    run: str
+    """Name of the run."""
+    stamp_ns: int
+    """Stamp [ns] of the anchor sensor's message."""
+    camera_stamp_ns: int
+    """Stamp [ns] of the image items."""
+    lidar_stamp_ns: int
+    """Stamp [ns] of the cloud items."""
+    image: NDArray[np.uint8]
+    """(3, h, w) RGB of the photograph."""
+    mask: Counts
+    """(h, w) class ids."""
+    depth: NDArray[np.float32]
+    """(h, w) [m] along the optical axis; infinite for the sky."""
+    instance_mask: NDArray[np.int32]
+    """(h, w) instance ids; 0 for sky and robot."""
+    normals: NDArray[np.float32]
+    """(3, h, w) unit normals of the surfaces, towards the camera, in its optical frame; 0 for the sky."""
+    flow: NDArray[np.float32]
+    """(2, h, w) [pixel] motion to the right and down to the camera's next image; NaN where that does not show it."""
+    cloud: NDArray[np.float32]
+    """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
+    labels: Counts
+    """(n,) class ids."""
+    instances: NDArray[np.int32]
+    """(n,) instance ids."""
+    reflectivity: NDArray[np.float32]
+    """(n,) reflectance of a matt surface that faces the LiDAR and is as bright; 0 of a LiDAR without a signal."""
+    rays: Counts
+    """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``: 0 where the cloud has no field ``t``."""
+    world_from_base: Array
+    """(4, 4) true pose of base_link at ``stamp_ns``."""
+    world_from_camera: Array
+    """(4, 4) true pose of the camera's optical frame at ``camera_stamp_ns``."""
+    world_from_lidar: Array
+    """(4, 4) true pose of the LiDAR's frame at ``lidar_stamp_ns``."""
+    K: Array
+    """(3, 3) pinhole matrix [pixel] of the camera; the centre of the first pixel is (0, 0). Of a panorama zeros."""
+    D: Array
+    """(n,) coefficients of the lens, as in CameraInfo."""
+    distortion_model: str
+    """Model of the lens, as in CameraInfo: plumb_bob with five zeros is a pinhole."""
+    base_from_camera: Array
+    """(4, 4) mount of the camera's optical frame."""
+    base_from_lidar: Array
+    """(4, 4) mount of the LiDAR's frame."""
+
+
+class Item(NamedTuple):
+    """Sensor, part of its reading, and conversion to an array from the reading and the output ids by class."""
+
+    sensor: Sensor
+    part: str
+    """Of a camera the field of ``Image``; of a LiDAR ``main``."""
+    value: Callable[[Any, Counts], NDArray[Any]]
+
+
+def _channels_first(image: NDArray[Any]) -> NDArray[Any]:
+    return np.ascontiguousarray(image.transpose(2, 0, 1))
+
+
+def _ids(label: NDArray[np.uint8], ids: Counts) -> Counts:
+    mapped: Counts = np.take(ids, label)
+    return mapped
+
+
+def _field(cloud: Cloud, field: str) -> NDArray[Any]:
+    values: NDArray[Any] | None = getattr(cloud, field)
+    if values is None:
+        raise BagError(f"points of the cloud have no field {field!r}; available: {', '.join(cloud.fields())}")
+    return values
+
+
+def _rays(cloud: Cloud, ids: Counts) -> Counts:
+    t = np.zeros(len(cloud.xyz), np.int64) if cloud.t_ns is None else cloud.t_ns
+    return np.stack([_field(cloud, "ring"), _field(cloud, "column"), t], axis=1, dtype=np.int64)
+
+
+ITEMS: Final[dict[str, Item]] = {
+    "image": Item("camera", "photo", lambda image, ids: _channels_first(image.photo)),
+    "mask": Item("camera", "label", lambda image, ids: _ids(image.label, ids)),
+    "depth": Item("camera", "depth", lambda image, ids: image.depth.astype(np.float32)),
+    "instance_mask": Item("camera", "instance", lambda image, ids: image.instance.astype(np.int32)),
+    "normals": Item("camera", "normal", lambda image, ids: _channels_first(image.normal).astype(np.float32)),
+    "flow": Item("camera", "flow", lambda image, ids: _channels_first(image.flow).astype(np.float32)),
+    "cloud": Item("lidar", "main", lambda cloud, ids: cloud.xyz.astype(np.float32)),
+    "labels": Item("lidar", "main", lambda cloud, ids: _ids(cloud.label, ids)),
+    "instances": Item("lidar", "main", lambda cloud, ids: _field(cloud, "instance").astype(np.int32)),
+    "reflectivity": Item("lidar", "main", lambda cloud, ids: reflectivity(cloud)),
+    "rays": Item("lidar", "main", _rays),
+}
+"""Items that are readings of a sensor."""
+GEOMETRY: Final = ("pose", "calibration")
+"""Items about the sensors of the other items."""
+RAGGED: Final = frozenset(name for name, item in ITEMS.items() if item.sensor == "lidar")
+"""Items whose length varies from frame to frame."""
+DEFAULT_ITEMS: Final = ("image", "mask")
+_SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")
+_KINDS: Final = {"camera": (Image, "camera", "photo"), "lidar": (Cloud, "LiDAR", "main")}
+"""Type of readings, name in messages, and main part of a sensor."""
+_MAIN_ITEM: Final = {"camera": "image", "lidar": "cloud"}
+Transform = Callable[[Sample], Any]
+
+
+class RunDataset:
+    """The frames of one run, for ``torch.utils.data.DataLoader`` or without PyTorch: ``len(ds)``, ``ds[i]``.
+
+    A sample is a dict of NumPy arrays, see ``Sample``; ``ft.collate`` makes tensors of a batch. A frame is a stamp of
+    the anchor sensor at which all requested items exist. Items of one sensor have the same stamp, and so have camera
+    and LiDAR, unless ``tolerance_s`` allows the nearest reading of the other. Poses are those at the stamp of each
+    sensor.
+
+    Args:
+        path: folder of a run, or a bag.
+        items: contents of a sample: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
+            rays), and "pose" and "calibration" of the sensors of the other items.
+        camera: name of a camera of the rig, such as "left" or "right" of the paper's pair; None: the first.
+        lidar: name of a LiDAR of the rig; None: the first.
+        anchor: sensor whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
+        tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
+        label_map: ontology of mask and labels, as for ``fieldtruth export``; None keeps our own classes.
+        transform: applied to each sample; ``ds[i]`` returns its result.
+
+    Raises:
+        BagError: no bag, a damaged one, one that lacks a requested item, or one without a frame.
+        UnknownNameError: unknown item, camera, LiDAR or ontology.
+        ConfigurationError: an argument that is not allowed.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        items: Sequence[str] = DEFAULT_ITEMS,
+        *,
+        camera: str | None = None,
+        lidar: str | None = None,
+        anchor: Sensor | None = None,
+        tolerance_s: float = 0.0,
+        label_map: str | LabelMap | None = None,
+        transform: Transform | None = None,
+    ) -> None:
+        self.items = _checked_items(items)
+        self.transform = transform
+        needed = {ITEMS[item].sensor for item in self.items if item in ITEMS}
+        self.anchor: Sensor = anchor or ("camera" if "camera" in needed or not needed else "lidar")
+        _check_choices(self.anchor, tolerance_s)
+        self.classes, self._ids = _ontology(label_map)
+        self.run = open_run(Path(path))
+        self.name = self.run.name
+        """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
+        chosen = {"camera": self._chosen("camera", camera), "lidar": self._chosen("lidar", lidar)}
+        sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
+        self._readings = {sensor: self._open(sensor, chosen[sensor]) for sensor in sensors}
+        self._poses = self.run.poses if "pose" in self.items else None
+        self._fixed = self._geometry()
+        tolerance_ns, anchored = round(tolerance_s * 1e9), self._readings[self.anchor].stamps_ns
+        self._rows = _associated(self._readings, anchored, tolerance_ns, self._poses)
+        if not len(self):
+            why = _explain_no_frame(self._readings, anchored)
+            raise BagError(f"{self.run.bag} has no frame with {', '.join(self.items)}: {why}")
+
+    @property
+    def stamps_ns(self) -> Counts:
+        """(len,) stamp [ns] of each frame."""
+        return self._stamps(self.anchor)
+
+    def __len__(self) -> int:
+        return len(self._rows[self.anchor])
+
+    def __getitem__(self, index: SupportsIndex) -> Any:
+        """Return a sample; negative indices count from the end.
+
+        Raises:
+            IndexError: the index is out of range.
+            BagError: the bag is missing, has changed, or is damaged.
+        """
+        sample = self._sample(checked_index(index, len(self)))
+        return sample if self.transform is None else self.transform(sample)
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"RunDataset({self.name}: {len(self)} frames of {', '.join(self.items)})"
+
+    def _stamps(self, sensor: Sensor) -> Counts:
+        return self._readings[sensor].stamps_ns[self._rows[sensor]]
+
+    def _sample(self, i: int) -> Sample:
+        sample: dict[str, Any] = {"run": self.name, "stamp_ns": int(self.stamps_ns[i])}
+        for sensor, readings in self._readings.items():
+            sample[f"{sensor}_stamp_ns"] = int(self._stamps(sensor)[i])
+            items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
+            if items:
+                reading = readings.read(int(self._rows[sensor][i]))
+                sample |= {item: ITEMS[item].value(reading, self._ids) for item in items}
+        if self._poses is not None:
+            sample |= self._true_poses(i, self._poses)
+        if "calibration" in self.items:
+            sample |= copy.deepcopy(self._fixed)
+        return cast(Sample, sample)
+
+    def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
+        result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}
+        for sensor in self._readings:
+            stamp = int(self._stamps(sensor)[i])
+            same = stamp == self.stamps_ns[i]
+            world_from_base = result["world_from_base"] if same else poses.world_from_base(stamp)
+            result[f"world_from_{sensor}"] = world_from_base @ self._fixed[f"base_from_{sensor}"]
+        return result
+
+    def _chosen(self, sensor: Sensor, name: str | None) -> Source | None:
+        """Return the sensor of a name, or the first of the rig, if it has any."""
+        kind, called, _ = _KINDS[sensor]
+        known = {source.label: source for source in self.run.of(kind, recorded=False)}
+        if name is None:
+            return next(iter(known.values()), None)
+        if name not in {*known, *(source.name for source in known.values())}:
+            raise UnknownNameError(called, name, known)
+        return self.run.source(name)
+
+    def _open(self, sensor: Sensor, source: Source | None) -> Readings:
+        """Open a sensor with what the items need; an anchor without items has its main part."""
+        run, (_, called, main) = self.run, _KINDS[sensor]
+        items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
+        if source is None:
+            what = (items or [_MAIN_ITEM[sensor]])[0]
+            raise BagError(f"{what}: the rig of {run.bag} has no {called}")
+        parts = list(dict.fromkeys(ITEMS[item].part for item in items)) or [main]
+        for part in parts:
+            topic = source.topics[part]
+            if topic not in run.counts and part in EXTRAS:
+                raise BagError(
+                    f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {PARTS[part]}` records it"
+                )
+        return run.readings(source.name, parts, labelled="labels" in items)
+
+    def _geometry(self) -> dict[str, Any]:
+        """Calibration by key of the sample, as far as items need it."""
+        if not any(item in GEOMETRY for item in self.items):
+            return {}
+        static = self.run.static
+        fixed: dict[str, Any] = {f"base_from_{s}": static.base_from(each.frame()) for s, each in self._readings.items()}
+        if "calibration" in self.items and "camera" in self._readings:
+            source = self._readings["camera"].source
+            fixed |= _lens(self.run.calibration.lens(source.name), f"{source.info} of {self.run.bag}")
+        return fixed
+
+
+def _associated(
+    readings: Mapping[Sensor, Readings], anchored: Counts, tolerance_ns: int, poses: Poses | None
+) -> dict[Sensor, Counts]:
+    """Select rows of each sensor, so that row i of each belongs to frame i: the nearest to a stamp of the anchor.
+
+    Stamps of frames are within the tolerance [ns], and have a true pose, if there are poses.
+    """
+    if not all(map(len, readings.values())):
+        return {sensor: np.empty(0, np.int64) for sensor in readings}
+    rows = {sensor: nearest(anchored, each.stamps_ns) for sensor, each in readings.items()}
+    keep = np.full(len(anchored), True)
+    for sensor, each in readings.items():
+        found = each.stamps_ns[rows[sensor]]
+        keep &= np.abs(found - anchored) <= tolerance_ns
+        keep &= True if poses is None else poses.cover(found)
+    return {sensor: own[keep] for sensor, own in rows.items()}
+
+
+def _explain_no_frame(readings: Mapping[Sensor, Readings], anchored: Counts) -> str:
+    for each in readings.values():
+        if not len(each):
+            return f"no stamp is common to {', '.join(each.source.topics[part] for part in each.parts)}"
+    for each in readings.values():
+        least = int(np.abs(each.stamps_ns[nearest(anchored, each.stamps_ns)] - anchored).min())
+        if least:
+            return f"stamps of camera and LiDAR differ by at least {least / 1e9:.6f} s; see tolerance_s"
+    return "there is no true pose at their stamps"
+
+
+def checked_index(index: SupportsIndex, length: int) -> int:
+    """Return an index from 0 to ``length`` - 1; negative ones count from the end."""
+    if isinstance(index, slice):
+        raise TypeError("a data set cannot be sliced; use torch.utils.data.Subset(ds, range(...))")
+    frame = operator.index(index)
+    if not -length <= frame < length:
+        raise IndexError(f"frame must be between {-length} and {length - 1}, got {frame}")
+    return frame % length
+
+
+def _lens(lens: Lens, where: str) -> dict[str, Array | str]:
+    """Return ``K``, ``D`` and ``distortion_model`` of a camera.
+
+    Raises:
+        BagError: not a calibration; of a panorama, K is zeros.
+    """
+    pinhole = np.isfinite(lens.K).all() and lens.K[0, 0] > 0.0 < lens.K[1, 1]
+    if not (pinhole or (lens.model == "equirectangular" and not lens.K.any())):
+        raise BagError(f"{where} has an invalid calibration: K is {lens.K.ravel().tolist()}")
+    return {"K": lens.K, "D": lens.D, "distortion_model": lens.model}
+
+
+def _checked_items(items: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(items, str):
+        raise ConfigurationError(f"items must be a list or tuple of names, such as ({items!r},), got a string")
+    for item in items:
+        if item not in ITEMS and item not in GEOMETRY:
+            raise UnknownNameError("item", item, [*ITEMS, *GEOMETRY])
+    if not items:
+        raise ConfigurationError(f"items must not be empty; available: {', '.join([*ITEMS, *GEOMETRY])}")
+    return tuple(dict.fromkeys(items))
+
+
+def _check_choices(anchor: str, tolerance_s: float) -> None:
+    if anchor not in _SENSORS:
+        raise UnknownNameError("anchor", anchor, _SENSORS)
+    if not 0.0 <= tolerance_s < np.inf:
+        raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, got {tolerance_s!r}")
+
+
+def _ontology(label_map: str | LabelMap | None) -> tuple[dict[int, str], Counts]:
+    """Return names of classes by output id, and output ids by our class id."""
+    if label_map is None:
+        return {int(row.label): row.name for row in CLASSES}, np.arange(len(Label))
+    chosen = label_map_of(label_map) if isinstance(label_map, str) else label_map
+    return {number: other.name for number, other in chosen.classes.items()}, chosen.ids.astype(np.int64)
+
+
+class Options(TypedDict, total=False):
+    """Keyword arguments of ``RunDataset`` that apply to all runs."""
+
+    camera: str | None
+    lidar: str | None
+    anchor: Sensor | None
+    tolerance_s: float
+    label_map: str | LabelMap | None
+    transform: Transform | None
+
+
+class Runs:
+    """Several runs as one data set: their frames one run after the other.
+
+    Raises:
+        ConfigurationError: no runs, or runs whose masks have different classes.
+    """
+
+    def __init__(self, runs: Sequence[RunDataset]) -> None:
+        if not runs or any(run.classes != runs[0].classes for run in runs):
+            raise ConfigurationError("runs must be at least one, and all must have the same classes")
+        self.runs = tuple(runs)
+        self._ends = np.cumsum([len(run) for run in self.runs], dtype=np.int64)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the runs."""
+        return tuple(run.name for run in self.runs)
+
+    @property
+    def classes(self) -> dict[int, str]:
+        """Names of the classes by id."""
+        return self.runs[0].classes
+
+    def locate(self, index: SupportsIndex) -> tuple[RunDataset, int]:
+        """Return the run of a frame, and its index there.
+
+        Raises:
+            IndexError: the index is out of range.
+        """
+        frame = checked_index(index, len(self))
+        k = int(np.searchsorted(self._ends, frame, side="right"))
+        return self.runs[k], frame - int(self._ends[k]) + len(self.runs[k])
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def __getitem__(self, index: SupportsIndex) -> Any:
+        """Return a sample, as ``RunDataset`` does."""
+        run, frame = self.locate(index)
+        return run[frame]
+
+    def __iter__(self) -> Iterator[Any]:
+        return (frame for run in self.runs for frame in run)
+
+    def __repr__(self) -> str:
+        return f"Runs({len(self)} frames of {', '.join(self.names)})"
+
+
+def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **options: Unpack[Options]) -> Runs:
+    """Open every run in a folder and its subfolders, sorted by name.
+
+    A run's name is its path in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's
+    name, its other bags are copies (annotated, say) and are skipped. So are names that begin with a dot.
+
+    Args:
+        folder: the folder of runs.
+        items: as for ``RunDataset``, like ``options``.
+
+    Raises:
+        BagError: no runs, an unreadable run, one that lacks a requested item, or two with the same name.
+    """
+    root = Path(folder)
+    if not root.is_dir():
+        raise BagError(f"{root} is not a folder; runs are opened from the folder that contains them")
+    bags = bags_in(root)
+    for (name, bag), (following, other) in pairwise(bags):
+        if name == following:
+            raise BagError(f"{bag} and {other} have the same name {name!r}; rename one")
+    runs = [RunDataset(bag, items, **options) for _, bag in bags]
+    for run, (name, _) in zip(runs, bags, strict=True):
+        run.name = name
+    return Runs(runs)
+
+
+def bags_in(root: Path) -> list[tuple[str, Path]]:
+    """Return name and bag of each run in a folder and its subfolders, as ``open_runs`` finds them, sorted.
+
+    Raises:
+        BagError: the folder has no bag.
+    """
+    bags = sorted(_bags(root))
+    if not bags:
+        raise BagError(f"{root} has no runs: no bag in it or its subfolders")
+    return bags
+
+
+def _bags(root: Path) -> Iterator[tuple[str, Path]]:
+    """Yield name and bag of each run; links to folders are followed, each folder once."""
+    seen: set[str] = set()
+    for path, folders, files in os.walk(root, followlinks=True):
+        real = os.path.realpath(path)
+        if real in seen:
+            folders.clear()
+            continue
+        seen.add(real)
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        here, bags = Path(path), list[str]()
+        for ending in BAG_ENDINGS:
+            bags = bags or [name for name in files if name.endswith(ending) and not name.startswith(".")]
+        own = Path(real).name + (Path(bags[0]).suffix if bags else "")
+        for name in [own] if own in bags else bags:
+            called = here if name == own and here != root else (here / name).with_suffix("")
+            yield called.relative_to(root).as_posix(), here / name
+
+
+Groups = list[list[RunDataset]]
+
+
+def split(
+    runs: Runs,
+    *,
+    rng: np.random.Generator | None = None,
+    by: Literal["run", "world"] = "run",
+    **parts: float | Sequence[str],
+) -> dict[str, Runs]:
+    """Split runs into data sets without a common run.
+
+    Args:
+        runs: all runs.
+        rng: assigns runs to parts; required with shares.
+        by: unit that is not split: a run, or all runs in the same world (equal environment, layout and seed).
+        parts: by name, shares of the number of runs (or worlds) with the sum 1, ``train=0.7, val=0.3``; or lists of
+            runs, ``train=["park_1", "lake_1"], val=["forest_1"]``.
+
+    Raises:
+        ConfigurationError: fewer runs than parts, shares whose sum is not 1, or a run in two lists.
+        UnknownNameError: an unknown run in a list.
+    """
+    shares = {name: float(part) for name, part in parts.items() if isinstance(part, int | float)}
+    lists = {name: part for name, part in parts.items() if not isinstance(part, int | float)}
+    if not parts or (shares and lists):
+        raise ConfigurationError("parts must be either all shares, such as train=0.7, val=0.3, or all lists of runs")
+    groups = _groups(runs, by)
+    chosen = _by_list(runs, groups, by, lists) if lists else _by_share(groups, by, shares, rng)
+    return {name: Runs([run for run in runs.runs if run in members]) for name, members in chosen.items()}
+
+
+def _groups(runs: Runs, by: str) -> Groups:
+    """Group runs that must not be separated; data sets of the same bag never are."""
+    if by not in ("run", "world"):
+        raise UnknownNameError("unit of a split", by, ("run", "world"))
+    groups: dict[object, list[RunDataset]] = {}
+    for run in runs.runs:
+        world = run.run.world
+        groups.setdefault(run.run.bag.resolve() if by == "run" or world is None else world, []).append(run)
+    return list(groups.values())
+
+
+def _by_share(
+    groups: Groups, by: str, shares: Mapping[str, float], rng: np.random.Generator | None
+) -> dict[str, list[RunDataset]]:
+    values = np.array(list(shares.values()))
+    if not (values > 0.0).all() or abs(values.sum() - 1.0) > 1e-6:
+        raise ConfigurationError(f"shares must be above 0 with the sum 1, got {', '.join(f'{v:g}' for v in values)}")
+    if len(groups) < len(values):
+        raise ConfigurationError(f"{len(values)} parts need at least {len(values)} {by}s, got {len(groups)}")
+    if rng is None:
+        raise ConfigurationError("shares need a random generator, such as rng=np.random.default_rng(0)")
+    counts = np.ones(len(values), np.int64)
+    while counts.sum() < len(groups):
+        counts[np.argmax(values * len(groups) - counts)] += 1
+    drawn = np.split(rng.permutation(len(groups)), np.cumsum(counts)[:-1])
+    return {name: [run for k in own for run in groups[k]] for name, own in zip(shares, drawn, strict=True)}
+
+
+def _by_list(runs: Runs, groups: Groups, by: str, lists: Mapping[str, Sequence[str]]) -> dict[str, list[RunDataset]]:
+    taken: dict[int, tuple[str, str]] = {}
+    for part, names in lists.items():
+        if isinstance(names, str) or not names:
+            raise ConfigurationError(f"part {part!r} must be a share or a list of runs, got {names!r}")
+        for name in names:
+            if name not in runs.names:
+                raise UnknownNameError("run", name, runs.names)
+            group = next(k for k, members in enumerate(groups) if any(run.name == name for run in members))
+            other, first = taken.setdefault(group, (part, name))
+            if other != part:
+                what = f"run {name!r} is" if first == name else f"{first!r} and {name!r} are of the same {by}, which is"
+                raise ConfigurationError(f"{what} in two parts, {other!r} and {part!r}")
+    return {part: [run for run in runs.runs if run.name in names] for part, names in lists.items()}
+
+
+def collate(samples: Sequence[Sample]) -> dict[str, Any]:
+    """Make a batch, for ``DataLoader(ds, collate_fn=collate)``.
+
+    Arrays with the same shape in all frames are stacked to a tensor, (batch, 3, h, w) for ``image``; stamps become a
+    tensor, names a list. Cloud, labels, instances and rays differ in length and become a list of tensors, one per
+    frame, without padding. ``torch.cat(batch["cloud"])`` or
+    ``torch.nn.utils.rnn.pad_sequence(batch["cloud"], batch_first=True)`` make one tensor of them.
+
+    Raises:
+        ConfigurationError: PyTorch is not installed.
+    """
+    try:
+        import torch
+        from torch.utils.data import default_collate
+    except ImportError as error:
+        raise ConfigurationError("collate needs PyTorch (pip install torch)") from error
+    batch: dict[str, Any] = {}
+    for key in samples[0]:
+        values = [sample[key] for sample in samples]  # type: ignore[literal-required]
+        batch[key] = [torch.as_tensor(value) for value in values] if key in RAGGED else default_collate(values)
+    return batch
