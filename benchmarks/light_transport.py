@@ -28,12 +28,12 @@ from scipy.ndimage import gaussian_filter
 import fieldtruth as ft
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, LightTable, sky_radiance
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.materials import material_table
 from fieldtruth.sense.scene import Scene, terrain_nodes
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Material, Mesh, Raster, World

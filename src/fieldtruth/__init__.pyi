@@ -8,7 +8,7 @@ from .annotation import annotate as annotate
 from .bag.decode import Reading as Reading
 from .bag.decode import count_messages as count_messages
 from .bag.decode import read_bag as read_bag
-from .bag.errors import BagError as BagError
+from .bag.file import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
 from .campaign.config import Campaign as Campaign
@@ -62,6 +62,7 @@ from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml
 from .experiment.sensor_config import MountedConfig as MountedConfig
 from .experiment.sensor_config import SensorConfig as SensorConfig
+from .experiment.sensor_families import OPTICAL as OPTICAL
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene
@@ -77,7 +78,6 @@ from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
 from .sense.scene import Scene as Scene
 from .sense.scene import cast_rays as cast_rays
-from .sensors.camera.config import OPTICAL as OPTICAL
 from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
 from .sensors.camera.labels import LabelImages as LabelImages

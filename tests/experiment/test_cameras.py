@@ -13,9 +13,9 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.experiment.sensor_models import figures_of, list_models, models
 from fieldtruth.gazebo import write_gazebo
-from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 

@@ -19,11 +19,12 @@ from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.exporters import export
 from fieldtruth.exporters.amodal import WholeObjects
 from fieldtruth.exporters.kitti_object import kitti_box
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.world.boxes import object_box
 from fieldtruth.world.model import World

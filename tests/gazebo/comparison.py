@@ -16,9 +16,10 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -17,7 +17,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.lidar.config import LidarConfig
 

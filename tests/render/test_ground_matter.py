@@ -12,6 +12,7 @@ from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear
@@ -27,7 +28,6 @@ from fieldtruth.render.materials import (
     wet_albedo,
 )
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera

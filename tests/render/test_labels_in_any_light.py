@@ -18,6 +18,7 @@ from sense_worlds import F8, at, box, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.experiment.light_config import PRESETS, Preset
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render import daylight
@@ -26,7 +27,7 @@ from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.daylight import Daylight, metered_daylight
 from fieldtruth.render.materials import material_table
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera

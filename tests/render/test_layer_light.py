@@ -10,12 +10,12 @@ from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.materials import GROUND_TYPES

@@ -8,11 +8,11 @@ from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig, Preset
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.render.atmosphere import LUMINANCE
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 

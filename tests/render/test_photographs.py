@@ -11,9 +11,9 @@ from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

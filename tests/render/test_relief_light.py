@@ -8,10 +8,10 @@ from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.light import bake_light
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 

@@ -13,10 +13,11 @@ from fieldtruth.core.classes import Label
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.robot import RobotView, part_table, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera
 
@@ -35,6 +36,7 @@ def view_from(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> tuple[Imager, R
 
 def photographed(baked: BakedScene, imager: Imager, view: RobotView | None, yaw: float = 0.0) -> CameraImages:
     pose = transforms.pose((0.0, 0.0, 0.13), (0.0, 0.0, yaw)) @ imager.base_from_optical
+    assert isinstance(imager.config, CameraConfig)
     return Camera(imager.config, baked).render(pose, view)
 
 

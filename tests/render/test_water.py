@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
 from fieldtruth.kernels.shading import new_secondary_batch, water_rays
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -10,13 +10,13 @@ from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, LensConfig
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
-from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -22,10 +22,11 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
+from fieldtruth.core.readings import Inertial, Odometry
 from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.card import cloud_frames, frame_content, imu_lines, odometry_lines, sensor_lines
+from fieldtruth.report.card import cloud_frames, frame_content, note_lines, sensor_lines
 from fieldtruth.report.page import write_report
 from fieldtruth.report.page.cloud import accumulate_scans
 from fieldtruth.report.preview import content as content_module
@@ -66,7 +67,7 @@ def test_card_states_every_sensor_with_its_figures() -> None:
         "- GNSS receiver `antenna_right`: 5 Hz, antenna at `antenna_right_link`.",
     ]
     assert [line[: len(text)] for line, text in zip(lines, expected, strict=True)] == expected
-    front, rear = imu_lines(many_rig())
+    front, rear = note_lines(many_rig(), Inertial)
     assert front.startswith("- `imu_front` reads means over the interval")
     assert "expressed in `imu_front_link` at the stamp" in front
     assert rear.startswith("- `imu_rear` reads the last millisecond")
@@ -77,7 +78,12 @@ def test_card_states_every_sensor_with_its_figures() -> None:
 def test_card_of_a_bare_rig_states_no_sensor_that_it_lacks() -> None:
     bare = Rig(sensors=())
     assert sensor_lines(bare) == ["- Neither cameras nor LiDAR were enabled."]
-    assert (imu_lines(bare), odometry_lines(bare), cloud_frames(bare), frame_content(bare)) == ([], [], "", "a pose")
+    assert (note_lines(bare, Inertial), note_lines(bare, Odometry), cloud_frames(bare), frame_content(bare)) == (
+        [],
+        [],
+        "",
+        "a pose",
+    )
 
 
 def test_card_of_a_run_names_its_frames_and_topics(many_run: Path) -> None:

@@ -12,6 +12,7 @@ from many_sensors import many_rig
 from fieldtruth.core import lenses
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import chassis_box
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.report.rig.coverage import (
     SensorView,
     ground_coverage,
@@ -21,7 +22,6 @@ from fieldtruth.report.rig.coverage import (
     sensor_views,
 )
 from fieldtruth.report.rig.picture import draw_rig, ground_classes
-from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 
@@ -78,7 +78,7 @@ def test_a_camera_sees_the_ground_between_its_lower_and_upper_border(pitch: floa
 def test_fields_of_view_end_where_the_rays_of_the_image_do() -> None:
     for view in sensor_views(many_rig()):
         rays, config = view.rays(), view.config
-        if isinstance(config, LidarConfig):
+        if isinstance(config, ScanningConfig):
             assert view.sees(view.position + 5.0 * rays.reshape(-1, 3)).all()
             continue
         within = rays[1:-1, 1:-1].reshape(-1, 3)

@@ -9,8 +9,8 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -10,10 +10,10 @@ from sense_worlds import F8, Placed, at, box, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
+from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE, View, new_batch, set_directions
 from fieldtruth.sensors.camera.check_lens import pixel_ray
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -13,9 +13,10 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions, project
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
 F8 = NDArray[np.float64]

@@ -15,9 +15,9 @@ from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.lidar.sensing import IdealLidar

@@ -9,8 +9,8 @@ import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.model import Swarm, World

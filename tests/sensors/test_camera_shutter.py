@@ -86,10 +86,11 @@ def capture(scene: BakedScene, poses: Poses, k: int = 0, side: int = 0, **signal
 
 def light_of(scene: BakedScene, poses: Poses, **signal: Any) -> NDArray[np.float64]:
     """Luminance (h, w) of the light in an exposure."""
-    camera = Camera(camera_config(**signal), scene, seed=3)
-    assert camera.config.signal is not None
-    exposure_ms = camera.config.signal.exposure_time_ms
-    camera.expose(camera.config.imagers()[0], STAMP, poses, exposure_ms / 1e3)
+    config = camera_config(**signal)
+    camera = Camera(config, scene, seed=3)
+    assert config.signal is not None
+    exposure_ms = config.signal.exposure_time_ms
+    camera.expose(config.imagers()[0], STAMP, poses, exposure_ms / 1e3)
     return np.asarray(camera.linear.mean(axis=-1), np.float64)
 
 

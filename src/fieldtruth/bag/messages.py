@@ -155,7 +155,7 @@ def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
 
 def fixed_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
     """Return those of ``rig_transforms`` that belong to /tf_static: without the wheels if these turn."""
-    turning = () if rig.wheel_odometry is None else WHEEL_FRAMES
+    turning = () if not rig.reports_wheels else WHEEL_FRAMES
     return {pair: transform for pair, transform in rig_transforms(rig).items() if pair[1] not in turning}
 
 

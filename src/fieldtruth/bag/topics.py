@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from fieldtruth.core import readings
+from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
-from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.experiment.topic import WHEELS, Topic
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
@@ -50,7 +51,9 @@ def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
         rows += (topic for output in sensor.outputs_on(rig.robot) for topic in output.topics)
         if sensor.needs_wheels:
             # The controller's rate is that of the IMU.
-            rows.append(Topic(COMMANDS, "geometry_msgs/msg/Twist", rig.imu.rate_hz, sensor.kind, sensor.name))
+            rows.append(
+                Topic(COMMANDS, "geometry_msgs/msg/Twist", rig.first(Inertial).rate_hz, sensor.kind, sensor.name)
+            )
     return tuple(rows)
 
 
@@ -63,7 +66,7 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 
-PAPER_RIG: Final = paper_rig(stereo=StereoConfig(depth=True, instances=True))
+PAPER_RIG: Final = Rig().with_extras(("depth", "instances"))
 """The paper's rig, with depth and instances."""
 PAPER_TOPICS: Final = topics_of(PAPER_RIG, latched=True)
 """Topics of this rig."""

@@ -23,10 +23,10 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted, shortened
+from fieldtruth.experiment.sensor_families import EXTRAS
 from fieldtruth.experiment.signal_config import with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import EXTRAS
 from fieldtruth.world.build import check_experiment, check_layout
 
 ALL: Final = "all"

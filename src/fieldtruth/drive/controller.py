@@ -19,10 +19,13 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError
-from fieldtruth.core.geodesy import world_from_geodetic
+from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.core.readings import Fix
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.ground import slopes
 from fieldtruth.drive.physics import STOP, Command
 from fieldtruth.experiment.config import ControlConfig, Experiment
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.world.model import Heightfield, World
 
 _STEP_S: Final = 0.1
@@ -108,6 +111,18 @@ def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
     return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]
 
 
+def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
+    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
+    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
+    return geodetic_from_world(position + lever)
+
+
+def heading(quaternion_wxyz: Array) -> float:
+    """Heading [rad] of base_link (the attitude of an IMU, turned by its mount): 0 north, positive towards west."""
+    w, x, y, z = quaternion_wxyz
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 class KinematicState(NamedTuple):
     """Position x, y [m], heading [rad], last GNSS fix [m] and its age [s]."""
 
@@ -123,8 +138,8 @@ class KinematicSimulator:
 
     def __init__(self, experiment: Experiment, field: Heightfield | None = None) -> None:
         self.control: ControlConfig = experiment.control
-        self._fix_period = 1.0 / experiment.rig.gnss.rate_hz
-        self._antenna = experiment.rig.gnss.mount.xyz
+        self._fix_period = 1.0 / experiment.rig.first(Fix).rate_hz
+        self._antenna = experiment.rig.first(Fix).mount.xyz
         self._field = field
         self._slopes = None if field is None else slopes(field, 2 * experiment.rig.wheels.half_track)
 

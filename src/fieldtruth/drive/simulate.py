@@ -15,8 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.controller import DriveMonitor, FollowerState, Nearing, WaypointFollower, horizontal_from_geodetic
+from fieldtruth.drive.controller import (
+    DriveMonitor,
+    FollowerState,
+    Nearing,
+    WaypointFollower,
+    antenna_geodetic,
+    heading,
+    horizontal_from_geodetic,
+)
 from fieldtruth.drive.physics import STOP, Command, ramp, resting_pose, wheel_speeds
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.drive.surroundings import EVERY, Following, FollowingState, Surroundings, WheelSoil
@@ -35,8 +44,6 @@ from fieldtruth.drive.track import (
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
-from fieldtruth.sensors.gnss.sensing import antenna_geodetic
-from fieldtruth.sensors.imu.sensing import heading
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -206,7 +213,7 @@ class Drive:
 
     def _advance(self, step: float, command: Command | None = None) -> bool:
         """Drive to the next period of control, at most to a step; return False at that step, or behind the end."""
-        robot, began, rate = self.robot, self.robot.steps, self._rig.imu.rate_hz
+        robot, began, rate = self.robot, self.robot.steps, self._rig.first(Inertial).rate_hz
         begins = began == due_step(rate, self._periods)
         if begins and self._follower.finished and not self._arrived:
             self._arrived, self.end = True, min(self.end, began + round(STOP_SECONDS / STEP_S))
@@ -225,7 +232,7 @@ class Drive:
         self._state = block[-1]
         if robot.steps in {due, last}:
             self._monitor.check(robot.seconds, *robot.pose, is_following=command is None)
-        while (fix := due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.steps:
+        while (fix := due_step(self._rig.first(Fix).rate_hz, self._fixes + 1)) <= robot.steps:
             self._read_fix(block[fix - began - 1])
             self._fixes += 1
         if self._progress is not None and int(robot.seconds) > int(began * STEP_S):
@@ -233,7 +240,7 @@ class Drive:
         return True
 
     def _read_fix(self, state: Array) -> None:
-        latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.gnss.mount)
+        latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.first(Fix).mount)
         self._follower.update_fix(float(latitude), float(longitude))
 
 
@@ -416,5 +423,5 @@ def _wheels(blocks: list[Array]) -> WheelMotion:
 def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Base | None:
     if not rig.reports_wheels:
         return None
-    stamps = motion.stamps_ns[steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
+    stamps = motion.stamps_ns[steps_at_rate(rig.first(Inertial).rate_hz, int(motion.stamps_ns[-1])) - 1]
     return Base(wheels=wheels, commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)))

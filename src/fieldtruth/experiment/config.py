@@ -181,10 +181,10 @@ class Experiment(Frozen):
         if self.frames is not None:
             if self.drive is not None or self.seconds is not None:
                 raise ValueError("frames exclude drive and seconds: frames.count says how many there are")
-            if turning := [lidar.name for lidar in self.rig.lidars if lidar.spinning]:
-                raise ValueError(f"frames need spinning: false of {', '.join(turning)}, as the robot stands still")
-            if flowing := [camera.name for camera in self.rig.cameras if camera.flow]:
-                raise ValueError(f"frames need flow: false of {', '.join(flowing)}, as no frame follows another")
+            unfit = [(each.name, each.unfit_for_frames) for each in self.rig.sensors if each.enabled]
+            for key, why in dict.fromkeys(problem for _, problem in unfit if problem):
+                names = ", ".join(name for name, problem in unfit if problem == (key, why))
+                raise ValueError(f"frames need {key}: false of {names}, as {why}")
             return self
         if self.route is None and self.drive is None:
             raise ValueError(

@@ -114,14 +114,13 @@ def with_overrides(
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
     rig = experiment.rig
-    wanted = {switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None}
-    rig = rig.with_each(lambda sensor: {"enabled": wanted[sensor.switch]} if sensor.switch in wanted else {})
+    rig = rig.switched(**{switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None})
     if extras is not None:
         known = [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
         for name in extras:
             if name not in known:
                 raise UnknownNameError("extra", name, known)
-        rig = rig.with_each(lambda sensor: {name: name in extras for name in sensor.extras})
+        rig = rig.with_extras(extras)
     dumped = rig.model_dump()
     if signal is not None:
         signals = _signals(signal, rig.sensors)

@@ -3,11 +3,12 @@
 """Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
+from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
@@ -18,10 +19,11 @@ from fieldtruth.experiment.sections import (
     with_robot,
     with_sections,
 )
-from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -73,6 +75,26 @@ class Rig(Frozen):
         """Frame on the ground below base_link."""
         return self.robot.footprint
 
+    def giving(self, reading: type[Reading]) -> tuple[MountedConfig, ...]:
+        """Return the sensors in a frame of their own that are enabled and whose readings are of a type."""
+        return tuple(each for each in self.enabled(MountedConfig) if issubclass(each.gives, reading))
+
+    def first(self, reading: type[Reading]) -> MountedConfig:
+        """Return the first sensor whose readings are of a type; of a rig without one the paper's, not enabled.
+
+        The first that gives ``Inertial`` and the first that gives ``Fix`` steer the robot.
+        """
+        own = [each for each in self.sensors if isinstance(each, MountedConfig) and issubclass(each.gives, reading)]
+        if own:
+            return next((each for each in own if each.enabled), own[0])
+        paper = (each for each in PAPER_SENSORS if isinstance(each, MountedConfig) and issubclass(each.gives, reading))
+        return next(paper).model_copy(update={"enabled": False})
+
+    def rate_of(self, reading: type[Reading]) -> float | None:
+        """Return the rate [Hz] of the first series of readings of a type; None if no enabled sensor has one."""
+        outputs = (output for each in self.sensors if each.enabled for output in each.outputs_on(self.robot))
+        return next((output.rate_hz for output in outputs if issubclass(output.reading, reading)), None)
+
     @property
     def lidars(self) -> tuple[LidarConfig, ...]:
         """The LiDARs that are enabled."""
@@ -85,8 +107,8 @@ class Rig(Frozen):
 
     @property
     def imagers(self) -> tuple[Imager, ...]:
-        """The views of the cameras that are enabled."""
-        return tuple(imager for camera in self.cameras for imager in camera.imagers())
+        """The views of the sensors that are enabled."""
+        return tuple(imager for sensor in self.enabled(ImagingConfig) for imager in sensor.imagers())
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:
@@ -139,6 +161,14 @@ class Rig(Frozen):
     def with_sensors(self, config: type[SensorConfig], **values: Any) -> Self:
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
         return self.with_each(lambda sensor: values if isinstance(sensor, config) else {})
+
+    def switched(self, **on: bool) -> Self:
+        """Return a rig with all sensors of a ``switch`` on or off: ``switched(cameras=False)``."""
+        return self.with_each(lambda sensor: {"enabled": on[sensor.switch]} if sensor.switch in on else {})
+
+    def with_extras(self, names: Collection[str]) -> Self:
+        """Return a rig whose sensors publish these of their ``extras``, and no others."""
+        return self.with_each(lambda sensor: {name: name in names for name in sensor.extras})
 
     def with_each(self, change: Callable[[SensorConfig], Mapping[str, Any]]) -> Self:
         """Return a rig in which each sensor has the values that ``change`` returns for it."""

@@ -9,6 +9,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -35,7 +36,9 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
         second = of_wheels[1]
         raise LocatedError(f"must differ: a rig has at most one {sensors[second].kind}", ("sensors", second, "kind"))
     _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
-    views = [[imager.name for imager in sensor.imagers()] for sensor in sensors]
+    views = [
+        [imager.name for imager in sensor.imagers()] if isinstance(sensor, ImagingConfig) else [] for sensor in sensors
+    ]
     _differ(sensors, "name", views, {}, "the name of a camera")
     topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
+from fieldtruth.core.readings import Message, Reading
 from fieldtruth.core.registry import load_module, user_folders
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
@@ -56,6 +57,12 @@ class SensorConfig(Frozen):
     Its other defaults are those of a sensor without a name of its own: the paper's.
     """
 
+    noun: ClassVar[str] = ""
+    """Name of such a sensor in texts, like ``LiDAR``; empty: its kind."""
+    gives: ClassVar[type[Reading]] = Message
+    """Type of its readings."""
+    models_of: ClassVar[str] = ""
+    """Folder of its models in ``models``, and of entry points; empty: its kind."""
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
     needs_wheels: ClassVar[bool] = False
@@ -167,9 +174,12 @@ class SensorConfig(Frozen):
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
-    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
+    def output(
+        self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
+    ) -> Output:
         """Return a series of readings of the sensor, or of a part of it."""
-        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock, frame=frame)
+        name = f"{self.name}/{part}" if part else self.name
+        return Output(name, topics, part, clock=clock, frame=frame, reading=reading)
 
     def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
         """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
@@ -198,9 +208,36 @@ class SensorConfig(Frozen):
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
 
-    def imagers(self) -> tuple[Any, ...]:
-        """Its views, if it is a camera."""
-        return ()
+    @property
+    def needs_signal_for_weather(self) -> bool:
+        """Whether no weather reaches it, as it is ideal."""
+        return False
+
+    @property
+    def unfit_for_frames(self) -> tuple[str, str] | None:
+        """The key that must be false where an experiment makes separate frames, and why."""
+        return None
+
+    def figures(self) -> str:
+        """Return what it measures, in a few words."""
+        return "-"
+
+    def summary(self) -> str:
+        """Return its figures as sentences of the data card; empty: it is named only beside others of its kind."""
+        return ""
+
+    def notes(self, named: str) -> list[str]:
+        """Return how it takes its readings, as lines of the data card; ``named`` is what they call it."""
+        return []
+
+    def measured(self, message: Any, points: Any) -> dict[str, Any]:
+        """Return values that it has by a message of a bag without an experiment.
+
+        Args:
+            message: decoded, of its first topic.
+            points: rows of the points of a cloud, a structured array (n,); None of other messages.
+        """
+        return {}
 
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
         """Return a topic of the sensor, by default at its rate."""
@@ -226,9 +263,11 @@ class MountedConfig(SensorConfig):
         """Topic and frame that a sensor has by its name."""
         return {"topic": f"/{name}", "frame": f"{name}_link"}
 
-    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
+    def output(
+        self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
+    ) -> Output:
         """Return a series of readings in its frame, or in another one."""
-        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame)
+        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame, reading=reading)
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A topic of a bag: its name, its type and its rate."""
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
+
+from fieldtruth.core.readings import Message, Reading
 
 BASE: Final = "base_link"
 ODOM: Final = "odom"
@@ -41,6 +44,15 @@ class Output(NamedTuple):
     """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
     frame: str = ""
     """Frame in the headers of its messages; empty if they have none."""
+    reading: type[Reading] = Message
+    """Type of its readings."""
+    fields: Mapping[str, Topic] = {}
+    """Topic by part of the reading: of an image by its field, also of those that are off; of wheels by name. Empty:
+    its first topic has all."""
+    label: str = ""
+    """Of a view, that of its imager: left and right of the paper's pair, ``NAME_left`` of others."""
+    info: str = ""
+    """Topic of the calibration of a view."""
 
     @property
     def rate_hz(self) -> float:

@@ -15,7 +15,8 @@ from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.core.lenses import FLAT, fields_of_view
+from fieldtruth.core.lenses import FLAT
+from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig
@@ -23,19 +24,9 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.robot_models import robot_data
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.lens_config import LensConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.world.model import World
 
-_SAMPLING: Final = {
-    "mean": "reads means over the interval that ends at the stamp, from the motion at 1 kHz: turns about all\n"
-    "  axes are added up as rotations, and the specific force is expressed in `{frame}` at the stamp.",
-    "instant": "reads the last millisecond before each stamp: what shakes faster than half its rate appears\n"
-    "  as slower motion.",
-}
-_SHORT: Final = {"mean": "means between stamps", "instant": "the last millisecond before each stamp"}
 _FOLLOWED: Final = (
     "The sensors of the rig follow the poses of a track file, without physics and wheels; `base_link` and the model "
     "`husky` are what follows it, for"
@@ -100,14 +91,20 @@ def _list(words: Iterable[str]) -> str:
 
 
 def sensor_lines(rig: Rig) -> list[str]:
-    """Figures of the cameras and LiDARs, and of IMUs and receivers if there are several."""
-    lines = [_camera(each, rig) for each in rig.cameras] + [_lidar(each, rig) for each in rig.lidars]
-    lines = lines or ["- Neither cameras nor LiDAR were enabled."]
-    if len(rig.imus) > 1:
-        lines += [f"- IMU `{i.name}`: {i.rate_hz:g} Hz in `{i.frame}`, {_SHORT[i.sampling]}." for i in rig.imus]
-    if len(rig.antennas) > 1:
-        lines += [f"- GNSS receiver `{a.name}`: {a.rate_hz:g} Hz, antenna at `{a.frame}`." for a in rig.antennas]
+    """Figures of the sensors that see, of others where there are several of a kind, and what is not ideal."""
+    seen = [_figures(each, rig) for config in (ImagingConfig, ScanningConfig) for each in rig.enabled(config)]
+    lines = seen or ["- Neither cameras nor LiDAR were enabled."]
+    lines += [_figures(each, rig) for each in rig.in_order() if not each.sees and len(_alike(each, rig)) > 1]
     return lines + [_real(sensor) for sensor in rig.in_order() if not sensor.is_ideal]
+
+
+def _figures(sensor: SensorConfig, rig: Rig) -> str:
+    return f"- {_named(sensor, rig)}: {sensor.summary()}"
+
+
+def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
+    """Sensors of a rig whose readings are of the same type."""
+    return [each for each in rig.in_order() if each.gives is sensor.gives]
 
 
 def _real(sensor: SensorConfig) -> str:
@@ -124,28 +121,18 @@ def _real(sensor: SensorConfig) -> str:
     return f"- `{sensor.name}` has {' and '.join(what)}{ideal}."
 
 
-def imu_lines(rig: Rig) -> list[str]:
-    """How each IMU takes its readings."""
-    return [
-        f"- {f'`{imu.name}`' if len(rig.imus) > 1 else 'The IMU'} {_SAMPLING[imu.sampling].format(frame=imu.frame)}"
-        for imu in rig.imus
-    ]
-
-
-def odometry_lines(rig: Rig) -> list[str]:
-    """What the error of wheel odometry is, if there is one."""
-    if rig.wheel_odometry is None:
-        return []
-    return [
-        f"- Wheel odometry (`{rig.wheel_odometry.topic}`) is exact in what it measures, the angles of the wheels: all "
-        "of its error is slip and\n  skidding. Its covariances are the constants of a real Husky's driver. The frame "
-        "`odom` is not in `/tf`."
-    ]
+def note_lines(rig: Rig, reading: type[Reading]) -> list[str]:
+    """How the sensors whose readings are of a type take them."""
+    lines = []
+    for sensor in (each for each in rig.in_order() if issubclass(each.gives, reading)):
+        named = f"`{sensor.name}`" if len(_alike(sensor, rig)) > 1 else f"The {sensor.noun}"
+        lines += [f"- {note}" for note in sensor.notes(named)]
+    return lines
 
 
 def cloud_frames(rig: Rig) -> str:
     """Sentence about the frames of the clouds; empty for a rig without LiDAR."""
-    frames = [f"`{sensor.frame}`" for sensor in rig.sensors if isinstance(sensor, LidarConfig)]
+    frames = [f"`{sensor.frame}`" for sensor in rig.sensors if isinstance(sensor, ScanningConfig)]
     if not frames:
         return ""
     return f"{', '.join(frames)}: frame{'s' * (len(frames) > 1)} of the points, x forward, y left, z up. "
@@ -153,50 +140,25 @@ def cloud_frames(rig: Rig) -> str:
 
 def ray_depths(rig: Rig) -> str:
     """Phrase about the cameras whose depth is along the ray: those that can see beyond 180 degrees."""
-    names = [f"`{camera.name}`" for camera in rig.cameras if camera.lens.model not in FLAT]
+    names = [f"`{camera.name}`" for camera in rig.enabled(ImagingConfig) if camera.lens.model not in FLAT]
     return f", of {', '.join(names)} along the ray" if names else ""
 
 
 def frame_content(rig: Rig) -> str:
     """What one separate frame consists of."""
-    images = "a stereo pair" if _is_pair(rig) else f"{len(rig.imagers)} images" if len(rig.imagers) > 1 else "an image"
-    clouds = f"{len(rig.lidars)} clouds" if len(rig.lidars) > 1 else "a cloud"
-    return " and ".join([images] * bool(rig.cameras) + [clouds] * bool(rig.lidars)) or "a pose"
+    views, scanners = rig.imagers, rig.enabled(ScanningConfig)
+    is_pair = len(rig.enabled(ImagingConfig)) == 1 and len(views) == 2
+    images = "a stereo pair" if is_pair else f"{len(views)} images" if len(views) > 1 else "an image"
+    clouds = f"{len(scanners)} clouds" if len(scanners) > 1 else "a cloud"
+    return " and ".join([images] * bool(views) + [clouds] * bool(scanners)) or "a pose"
 
 
-def _is_pair(rig: Rig) -> bool:
-    return len(rig.cameras) == 1 and isinstance(rig.cameras[0], StereoConfig)
-
-
-def _named(kind: str, sensor: SensorConfig, others: Sequence[SensorConfig]) -> str:
-    return f"{kind} `{sensor.name}`" if len(others) > 1 else kind
-
-
-def _camera(camera: CameraConfig, rig: Rig) -> str:
-    angles = camera.horizontal_fov_deg, camera.vertical_fov_deg
-    if camera.lens.fx is not None:
-        angles = fields_of_view(camera.projection, camera.width, camera.height)
-    kind, whose, baseline = "Camera", "Its", ""
-    if isinstance(camera, StereoConfig):
-        kind, whose, baseline = "Stereo camera", "Their", f", baseline {camera.baseline:g} m"
-    lens = "" if camera.lens == LensConfig() else f" {whose} lens is `{camera.lens.model}`; CameraInfo describes it."
-    return (
-        f"- {_named(kind, camera, rig.cameras)}: {camera.width} x {camera.height}, "
-        f"{angles[0]:g} x {angles[1]:g} deg{baseline}. "
-        f"Photographs are JPEG (quality {camera.jpeg_quality}); tag, depth and instance images are lossless.{lens}"
-    )
-
-
-def _lidar(lidar: LidarConfig, rig: Rig) -> str:
-    timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"
-    elevations = lidar.elevations_deg
-    beams = f" (elevations {min(elevations):g} to {max(elevations):g} deg)" if elevations else ""
-    name = _named(f"LiDAR {lidar.model}" if lidar.model else "LiDAR", lidar, rig.lidars)
-    field = f"360 x {lidar.vertical_fov_deg:g} deg{beams}" if lidar.pattern is None else f"pattern {lidar.pattern}"
-    return (
-        f"- {name}: {lidar.columns} x {lidar.rings} rays, {field}, "
-        f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."
-    )
+def _named(sensor: SensorConfig, rig: Rig) -> str:
+    noun = sensor.noun or sensor.kind
+    words = f"{noun[:1].upper()}{noun[1:]}"
+    if sensor.gives is Cloud and sensor.model:
+        words = f"{words} {sensor.model}"
+    return f"{words} `{sensor.name}`" if len(_alike(sensor, rig)) > 1 else words
 
 
 def data_card(
@@ -216,7 +178,7 @@ def data_card(
         name=experiment.name,
         description=f"{experiment.description}\n" if experiment.description else "",
         motion=_motion(experiment, track),
-        tf=_TURNING if rig.wheel_odometry is not None else _FIXED,
+        tf=_TURNING if rig.reports_wheels else _FIXED,
         physics=_physics(experiment),
         track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
         environment=experiment.environment,
@@ -259,11 +221,11 @@ def _physics(experiment: Experiment) -> str:
             "- Nothing moves: poses at successive stamps are far apart, and stamps only number them, 0.1 s apart. The\n"
             "  robot stands on four points of the ground before it is tilted and raised."
         )
-    imus = "\n".join(imu_lines(experiment.rig))
+    imus = "\n".join(note_lines(experiment.rig, Inertial))
     if experiment.drive is not None:
         noise = ", and the IMU reads their noise" if imus else ""
         return f"- The poses are those of the track file: no physics limits them{noise}.\n{imus}".rstrip()
-    odometry = "\n".join(odometry_lines(experiment.rig))
+    odometry = "\n".join(note_lines(experiment.rig, Odometry))
     physics = _template("card_physics.md").substitute(body_words(experiment.rig.robot)).rstrip()
     return "\n".join(filter(None, (physics, odometry, imus)))
 

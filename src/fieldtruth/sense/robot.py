@@ -21,10 +21,9 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
+from fieldtruth.experiment.sensor_families import Imager, ScanningConfig
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.robot import BOX, CYLINDER, FACES, HUB, NO_FACE, RobotSamples, Surface, meet_parts
-from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import ROBOT_ID
 
 PAINT, RUBBER, METAL = range(3)
@@ -61,7 +60,7 @@ class RobotScan:
     ``material`` (n,) is PAINT, RUBBER or METAL, ``cosine`` (n,) that of the angle of incidence.
     """
 
-    def __init__(self, parts: Sequence[Box | Cylinder], config: LidarConfig, directions: Array) -> None:
+    def __init__(self, parts: Sequence[Box | Cylinder], config: ScanningConfig, directions: Array) -> None:
         self._table, self._farthest = part_table(parts), config.max_range
         self._base_from_sensor = config.mount.base_from_sensor
         self.column: Index

@@ -27,10 +27,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
-from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.drive.controller import WaypointFollower, antenna_geodetic
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
-from fieldtruth.sensors.gnss.sensing import antenna_geodetic
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at, is_attitude
 

@@ -29,9 +29,8 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig, Imager
-from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -290,7 +289,7 @@ def _hits(lidar: LidarConfig, points: Array) -> bool:
     return bool((within & (np.linalg.norm((x, y, z), axis=0) >= lidar.min_range)).any())
 
 
-def _shows(camera: CameraConfig, optical: Array) -> bool:
+def _shows(camera: ImagingConfig, optical: Array) -> bool:
     lens, (u, v, depth) = pinhole(camera), optical.T
     inside = (np.abs(u) * lens.fx < depth * camera.width / 2) & (np.abs(v) * lens.fy < depth * camera.height / 2)
     return bool((inside & (depth > NEAR)).any())

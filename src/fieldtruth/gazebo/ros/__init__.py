@@ -24,11 +24,12 @@ from fieldtruth.experiment.config import DriveConfig, Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
 from fieldtruth.gazebo.robot.parts import cloud_topic, observers
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig

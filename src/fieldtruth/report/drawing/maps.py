@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.world.model import Heightfield

@@ -15,6 +15,7 @@ from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground,
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
@@ -22,7 +23,6 @@ from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informati
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
 from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES
 from fieldtruth.report.preview.content import Route, SheetContent, View
-from fieldtruth.sensors.camera.config import Imager
 
 WAYPOINT_RADIUS: Final = 3.0
 """Radius [m] of the circles (paper, section 3)."""

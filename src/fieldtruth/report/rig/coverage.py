@@ -11,10 +11,8 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import body_parts
+from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.sense.robot import meet, part_table
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.lidar.beams import ring_elevations
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 HALF: Final = 10.0
 """Distance [m] from base_link to the sides of the ground that is looked at."""
@@ -35,7 +33,7 @@ class SensorView:
     """A LiDAR or one view of a camera: its name, and its pose (4, 4), of a view that of the optical frame."""
 
     name: str
-    config: LidarConfig | CameraConfig
+    config: ScanningConfig | ImagingConfig
     base_from_sensor: Array
 
     @property
@@ -46,17 +44,17 @@ class SensorView:
     @property
     def nearest(self) -> float:
         """Range [m] from which it sees."""
-        return self.config.min_range if isinstance(self.config, LidarConfig) else 0.0
+        return self.config.min_range if isinstance(self.config, ScanningConfig) else 0.0
 
     @property
     def farthest(self) -> float:
         """Range [m] up to which it sees."""
-        return self.config.max_range if isinstance(self.config, LidarConfig) else self.config.far
+        return self.config.max_range if isinstance(self.config, ScanningConfig) else self.config.far
 
     @property
     def is_lidar(self) -> bool:
         """Whether it is a LiDAR."""
-        return isinstance(self.config, LidarConfig)
+        return isinstance(self.config, ScanningConfig)
 
     def sees(self, points_base: Array) -> Mask:
         """Which of the points (n, 3) [m] in base_link are in its field of view and range; nothing hides any.
@@ -66,8 +64,8 @@ class SensorView:
         points = transforms.transform(transforms.inverse(self.base_from_sensor), points_base)
         distance = np.linalg.norm(points, axis=1)
         near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
-        if isinstance(config, LidarConfig):
-            elevation, beams = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])), ring_elevations(config)
+        if isinstance(config, ScanningConfig):
+            elevation, beams = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])), config.ring_elevations
             return np.asarray(near & (elevation >= beams.min() - _ROUNDING) & (elevation <= beams.max() + _ROUNDING))
         u, v = (lenses.project(config.projection, points) + 0.5).T  # 0: the outer border of the first pixel
         ahead = points[:, 2] > 0.0 if config.projection.model in lenses.FLAT else True
@@ -80,8 +78,8 @@ class SensorView:
         The outermost ones of an image are at the borders of its pixels; NaN where a lens has no ray.
         """
         config = self.config
-        if isinstance(config, LidarConfig):
-            elevation = ring_elevations(config)[:, None]
+        if isinstance(config, ScanningConfig):
+            elevation = config.ring_elevations[:, None]
             azimuth = np.linspace(-np.pi, np.pi, AZIMUTHS)[None]
             level, up = np.cos(elevation), np.broadcast_to(np.sin(elevation), (len(elevation), AZIMUTHS))
             rays = np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, up], axis=-1)
@@ -97,7 +95,7 @@ class SensorView:
 
 def sensor_views(rig: Rig) -> tuple[SensorView, ...]:
     """Return the LiDARs and views of a rig that are enabled."""
-    lidars = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.lidars)
+    lidars = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.enabled(ScanningConfig))
     return (*lidars, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
 
 

@@ -27,7 +27,6 @@ from fieldtruth.report.rig.coverage import (
     ground_hits,
     nearest_ground,
 )
-from fieldtruth.report.rig.text import figures
 
 HULL: Final = "#e9d9a6"
 TYRE: Final = "#8b929c"
@@ -285,7 +284,7 @@ def _write_legend(paper: Paper, rig: Rig, coverage: Coverage, colours: Sequence[
         paper.box(left, top + 0.03, 0.17, 0.1, colour)
         width = paper.text(left + 0.23, top + 0.12, view.name, 7.6, weight="bold")
         paper.text(left + 0.31 + width, top + 0.12, _nearest(view, ground), 7.2)
-        paper.text(left + 0.23, top + 0.25, figures(view.config), 5.8, color=MUTED)
+        paper.text(left + 0.23, top + 0.25, view.config.figures(), 5.8, color=MUTED)
     if len(coverage.views) > _ROWS:
         top = _LEGEND_TOP + 0.34 + 0.36 * (_ROWS // 2)
         paper.text(_PLAN_LEFT, top + 0.1, f"and {len(coverage.views) - _ROWS} more", 7.4, color=MUTED)

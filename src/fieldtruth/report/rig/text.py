@@ -11,22 +11,18 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from fieldtruth.bag.messages import WORLD, rig_transforms
-from fieldtruth.core import lenses, transforms
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Cylinder, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.experiment.topic import BASE
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
-from fieldtruth.sensors.lidar.beams import ring_elevations
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\
@@ -68,26 +64,8 @@ def sensor_table(rig: Rig) -> str:
     rows = [("sensor", "kind", "model", "rate [Hz]", "topic", "figures")]
     for sensor in rig.sensors:
         head = (sensor.name, sensor.kind, sensor.model or "-", f"{sensor.rate_hz:g}", sensor.topic)
-        rows.append((*head, figures(sensor) if sensor.enabled else "off"))
+        rows.append((*head, sensor.figures() if sensor.enabled else "off"))
     return _aligned(rows, right=(3,))
-
-
-def figures(sensor: SensorConfig) -> str:
-    """Return what a sensor measures, in a few words."""
-    if isinstance(sensor, LidarConfig):
-        angles, many = np.degrees(ring_elevations(sensor)), "s" * (sensor.rings != 1)
-        beams = f"{sensor.rings} ring{many} x {sensor.columns} columns, {angles.min():.4g} to {angles.max():.4g} deg"
-        return f"{beams}, {sensor.min_range:g} to {sensor.max_range:g} m{', spinning' * sensor.spinning}"
-    if isinstance(sensor, CameraConfig):
-        across, down = lenses.fields_of_view(sensor.projection, sensor.width, sensor.height)
-        pair = f", baseline {sensor.baseline:g} m" if isinstance(sensor, StereoConfig) else ""
-        view = f"{across:.4g} x {down:.4g} deg, " if np.isfinite([across, down]).all() else ""
-        return f"{sensor.width} x {sensor.height} pixels, {view}{sensor.lens.model}{pair}"
-    if isinstance(sensor, ImuConfig):
-        return "mean over the interval" if sensor.sampling == "mean" else "at the instant"
-    if isinstance(sensor, WheelOdometryConfig):
-        return f"wheel speeds at {sensor.tachometer_rate_hz:g} Hz"
-    return "-"
 
 
 def _title(sensor: SensorConfig) -> str:
@@ -148,7 +126,7 @@ def camchain_text(rig: Rig) -> str:
     return "".join(lines) + write_mapping(chain)
 
 
-def _lens(config: CameraConfig) -> dict[str, Any] | str:
+def _lens(config: ImagingConfig) -> dict[str, Any] | str:
     """Return the lens with Kalibr's keys, or what Kalibr does not have."""
     lens = config.projection
     if lens.model in ("pinhole", "plumb_bob"):

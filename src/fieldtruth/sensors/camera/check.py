@@ -15,13 +15,13 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_agreement import LIDAR_AND_CAMERAS, Agreement
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
 from fieldtruth.sensors.camera.check_info import CALIBRATION, CameraInfos
 from fieldtruth.sensors.camera.check_lens import pixel_ray
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.validation.context import Checker, Context
 
 PARTS: Final = ("photograph", "tag", "depth", "instances")

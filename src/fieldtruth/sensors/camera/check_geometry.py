@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally

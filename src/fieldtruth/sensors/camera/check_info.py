@@ -9,7 +9,7 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.validation.check import Rule, Tally
 from fieldtruth.validation.context import Checker, Context, at

@@ -1,51 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of a camera, and its views as the rest of the package knows them."""
+"""Configuration of a camera."""
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
+from typing import ClassVar, Literal, Self
 
-import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from fieldtruth.core import lenses, transforms
-from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
-from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import Output
-from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.experiment.fields import Mount, Rate
+from fieldtruth.experiment.sensor_config import FrameName, SensorName, TopicName
+from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 
-CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
-"""The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
 
-OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
-"""A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
-
-STREAMS: Final = {
-    "camera_info": ("camera_info", "sensor_msgs/msg/CameraInfo"),
-    "photograph": ("real/compressed", "sensor_msgs/msg/CompressedImage"),
-    "tag": ("tag/img_raw", "sensor_msgs/msg/Image"),
-    "depth": ("depth", "sensor_msgs/msg/Image"),
-    "instances": ("instances", "sensor_msgs/msg/Image"),
-    "normals": ("normals", "sensor_msgs/msg/Image"),
-    "flow": ("flow", "sensor_msgs/msg/Image"),
-}
-"""What a camera publishes: topic after that of the camera, and type, in the order of its messages."""
-
-
-EXTRAS: Final = ("depth", "instances", "normals", "flow")
-"""Streams that a camera publishes only if the key of that name is true."""
-
-
-class CameraConfig(MountedConfig):
+class CameraConfig(ImagingConfig):
     """A camera, which looks along the x axis of its frame: x forward, y left, z up (REP-103)."""
 
+    noun: ClassVar[str] = "camera"
+    models_of: ClassVar[str] = "camera"
     bag_order: ClassVar[float] = 5
     frame_order: ClassVar[float] = 3
     needs_mount: ClassVar[bool] = True
     switch: ClassVar[str] = "cameras"
-    extras: ClassVar[tuple[str, ...]] = EXTRAS
 
     datasheet: ClassVar[str] = "zed_2"
 
@@ -55,27 +30,7 @@ class CameraConfig(MountedConfig):
     frame: FrameName = "camera_link"
     mount: Mount = Mount(xyz=(0.0, 0.0, 0.0))
     rate_hz: Rate = 25.0
-    width: Annotated[Integer, Field(ge=2, le=8192)] = 1280  # [pixel]
-    height: Annotated[Integer, Field(ge=2, le=8192)] = 720  # [pixel]
-    horizontal_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 69.0
-    vertical_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 42.0
-    lens: LensConfig = LensConfig()
-    far: Range = 2000.0  # [m]; beyond it is sky
-    jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
-    depth: Boolean = False
-    instances: Boolean = False
-    normals: Boolean = False
-    flow: Boolean = False
     signal: CameraSignal | None = None
-
-    @classmethod
-    def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
-        """Add the figures of the model, and to a panorama without fields of view those of the whole sphere."""
-        values = super().completed(given, figures)
-        lens = values.get("lens")
-        model = lens.get("model") if isinstance(lens, Mapping) else getattr(lens, "model", None)
-        whole = {"horizontal_fov_deg": 360.0, "vertical_fov_deg": 180.0} if model == "equirectangular" else {}
-        return whole | values
 
     @model_validator(mode="after")
     def _possible_signal(self) -> Self:
@@ -83,46 +38,26 @@ class CameraConfig(MountedConfig):
             raise ValueError(problem)
         return self
 
-    @model_validator(mode="after")
-    def _visible(self) -> Self:
-        flat, lens = self.lens.model in lenses.FLAT, self.lens
-        for key, most in (("horizontal_fov_deg", 360.0), ("vertical_fov_deg", 180.0)):
-            value = getattr(self, key)
-            if lens.fx is None and flat and value >= 170.0:
-                raise ValueError(f"{key} must be below 170 with the lens {lens.model}, got {value!r}")
-            if lens.fx is None and lens.model == "equirectangular" and value > most:
-                raise ValueError(f"{key} must be at most {most:g} with the lens equirectangular, got {value!r}")
-        if lens.model in ("pinhole", "equirectangular"):
-            return self
-        seen = np.degrees(lenses.greatest_angle(lens.model, lens.coefficients))
-        for key in ("horizontal_fov_deg", "vertical_fov_deg"):
-            if lens.fx is None and getattr(self, key) / 2.0 > seen:
-                raise ValueError(f"{key}: lens.coefficients can be inverted up to {seen:.2f} deg from the axis only")
-        u, v = np.arange(self.width), np.arange(self.height)
-        border = np.concatenate([[u, 0 * u], [u, 0 * u + v[-1]], [0 * v, v], [0 * v + u[-1], v]], axis=1)
-        whole = self.projection._replace(circle=np.pi)
-        lost = np.isnan(lenses.directions(whole, *border)[:, 0]).any()
-        if lost and 2.0 * seen < min(360.0, lens.image_circle_deg or 360.0):
-            raise ValueError(
-                f"lens.coefficients: the distortion is not monotonic within the image: it can be inverted up to "
-                f"{seen:.2f} deg from the axis; a smaller lens.image_circle_deg would cut the image there"
-            )
-        return self
-
     def imagers(self) -> "tuple[Imager, ...]":
         """Its views: one of a camera, two of a pair."""
         return (Imager(self.name, self, self.frame, self.mount, OPTICAL, self.topic),)
 
-    def outputs(self) -> tuple[Output, ...]:
-        """Calibration and images of each view."""
-        return tuple(
-            self.output(
-                *(self.new_topic(topic, STREAMS[stream][1]) for stream, topic in imager.topics.items()),
-                part=imager.side,
-                frame=imager.optical_frame,
-            )
-            for imager in self.imagers()
+    def summary(self) -> str:
+        """Return size, fields of view, encoding and lens."""
+        angles = self.horizontal_fov_deg, self.vertical_fov_deg
+        if self.lens.fx is not None:
+            angles = self.fields_of_view
+        whose = "Its" if len(self.imagers()) == 1 else "Their"
+        lens = "" if self.lens == LensConfig() else f" {whose} lens is `{self.lens.model}`; CameraInfo describes it."
+        return (
+            f"{self.width} x {self.height}, {angles[0]:g} x {angles[1]:g} deg{self.beside}. "
+            f"Photographs are JPEG (quality {self.jpeg_quality}); tag, depth and instance images are lossless.{lens}"
         )
+
+    @property
+    def beside(self) -> str:
+        """Phrase about what it has beside one view; empty of a single camera."""
+        return ""
 
     @property
     def late_s(self) -> float:
@@ -133,73 +68,3 @@ class CameraConfig(MountedConfig):
     def early_s(self) -> float:
         """From the oldest metering image, if it has a signal."""
         return 0.0 if self.signal is None else self.signal.early_s
-
-    @property
-    def needs_next(self) -> bool:
-        """Whether it has optical flow."""
-        return self.flow
-
-    def frames(self) -> dict[str, Mount]:
-        """Frames of the views, right before left as in the paper's Table 2."""
-        return {imager.frame: imager.mount for imager in reversed(self.imagers())}
-
-    def optical_frames(self) -> dict[str, tuple[str, Array]]:
-        """Frames of the images: parent and (4, 4) ``parent_from_optical`` by name."""
-        return {each.optical_frame: (each.frame, each.frame_from_optical) for each in self.imagers()}
-
-    @property
-    def projection(self) -> lenses.Lens:
-        """The lens. Fields of view end at the outer borders of the outermost pixels."""
-        lens = self.lens
-        fx, fy = (
-            float(side / 2.0 / lenses.image_height(lens.model, lens.coefficients, np.radians(angle) / 2.0))
-            for side, angle in ((self.width, self.horizontal_fov_deg), (self.height, self.vertical_fov_deg))
-        )
-        if lens.fx is not None:
-            fx, fy = lens.fx, lens.fx if lens.fy is None else lens.fy
-        return lenses.Lens(
-            model=lens.model,
-            fx=fx,
-            fy=fy,
-            cx=self.width / 2.0 - 0.5 if lens.cx is None else lens.cx,
-            cy=self.height / 2.0 - 0.5 if lens.cy is None else lens.cy,
-            coefficients=lens.coefficients,
-            circle=np.pi if lens.image_circle_deg is None else float(np.radians(lens.image_circle_deg / 2.0)),
-        )
-
-
-class Imager(NamedTuple):
-    """One view of a camera: that of a single camera, or the left or right one of a pair."""
-
-    name: str
-    """Unique in a rig: of the paper's pair left and right."""
-    config: CameraConfig
-    frame: str
-    mount: Mount
-    frame_from_optical: Array
-    """(4, 4) of the REP-103 optical frame in ``frame``."""
-    topic: str
-    side: Literal["", "left", "right"] = ""
-    """Of a pair."""
-    baseline: float = 0.0
-    """Distance [m] from the left camera of the pair; 0 but for the right one."""
-
-    @property
-    def optical_frame(self) -> str:
-        """Frame of the images (REP-103: x right, y down, z forward)."""
-        return f"{self.frame}_optical"
-
-    @property
-    def base_from_optical(self) -> Array:
-        """(4, 4)."""
-        return self.mount.base_from_sensor @ self.frame_from_optical
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """Topic by stream, in the order of the messages."""
-        wanted = (key for key in STREAMS if key not in EXTRAS or getattr(self.config, key))
-        return {key: self.topic_of(key) for key in wanted}
-
-    def topic_of(self, stream: str) -> str:
-        """Topic of a stream, one of ``STREAMS``, whether or not it is published."""
-        return f"{self.topic}/{STREAMS[stream][0]}"

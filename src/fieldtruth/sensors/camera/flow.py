@@ -12,11 +12,11 @@ import numpy as np
 
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.robot import RobotView, meet
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 
@@ -26,7 +26,7 @@ _BAND: Final = 32  # rows at once
 class FlowSensor:
     """Optical flow of the images of a camera. Use one per thread: it owns its buffers."""
 
-    def __init__(self, config: CameraConfig, scene: Scene) -> None:
+    def __init__(self, config: ImagingConfig, scene: Scene) -> None:
         self._config, self._scene = config, scene
         self._lens, self._pinhole, self._table = config.projection, pinhole(config), ray_table(config)
         shape = (_BAND, config.width)

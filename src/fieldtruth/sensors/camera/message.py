@@ -16,7 +16,8 @@ from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.readings import Ids
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 
 
 def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], config: CameraConfig) -> bytes:
@@ -86,7 +87,7 @@ def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[A
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 
-def camera_matrix(config: CameraConfig) -> Array:
+def camera_matrix(config: ImagingConfig) -> Array:
     """Return K (3, 3) [pixel]. ROS counts from the centre of the first pixel, so the principal point is (w - 1) / 2.
 
     A panorama has no K: zeros, by which ROS says that a camera is not calibrated.
@@ -97,7 +98,7 @@ def camera_matrix(config: CameraConfig) -> Array:
     return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
 
 
-def distortion(config: CameraConfig) -> tuple[str, Array]:
+def distortion(config: ImagingConfig) -> tuple[str, Array]:
     """Return ``distortion_model`` and D: of a pinhole ``plumb_bob`` with five zeros, of a panorama no numbers."""
     lens = config.projection
     return ("plumb_bob", np.zeros(5)) if lens.model == "pinhole" else (lens.model, np.array(lens.coefficients))

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intrinsics of the pinhole camera."""
 
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import Pinhole
-from fieldtruth.sensors.camera.config import CameraConfig
 
 
-def pinhole(config: CameraConfig) -> Pinhole:
+def pinhole(config: ImagingConfig) -> Pinhole:
     """Intrinsics of a camera, whatever its lens: ``lenses.Lens`` states what they mean for each model."""
     lens = config.projection
     return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)

@@ -13,13 +13,13 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.lenses import FLAT, Lens, directions
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE
-from fieldtruth.sensors.camera.config import CameraConfig
 
 _ROWS: Final = 256  # inverted at once
 
 
-def ray_table(config: CameraConfig) -> Float32Array:
+def ray_table(config: ImagingConfig) -> Float32Array:
     """Return unit direction x, y, z in the optical frame, and depth over range, at the pixel centres (h, w, 4).
 
     Depth is measured along the optical axis by the lenses of ``FLAT``, along the ray by the others. Where the lens has

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera import tonemap
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.robot import paint_robot
 from fieldtruth.sense.robot import RobotView, hide_world
-from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
 
@@ -33,7 +33,7 @@ class IdealCamera(LabelCamera):
     """
 
     def __init__(
-        self, config: CameraConfig, baked: BakedScene, *, reuse: bool = False, exposure: float | None = None
+        self, config: ImagingConfig, baked: BakedScene, *, reuse: bool = False, exposure: float | None = None
     ) -> None:
         super().__init__(config, baked.scene, reuse=reuse)
         self._shading = baked.shading

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.kernels.camera_rays import View, label_image, trace
 from fieldtruth.kernels.packets import LabelBuffers
@@ -28,7 +29,7 @@ from fieldtruth.kernels.photograph import (
 )
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.robot import RobotView
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
 from fieldtruth.sensors.camera.on_glass import add_drops, drops_at, dust_of

@@ -11,7 +11,8 @@ from pydantic import Field, model_validator
 from fieldtruth.core import transforms
 from fieldtruth.experiment.fields import Mount, Positive
 from fieldtruth.experiment.sensor_config import Section, SensorName, TopicName, part
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Imager
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 
 SIDES: Final[tuple[Literal["left", "right"], ...]] = ("left", "right")
 
@@ -24,6 +25,7 @@ class StereoConfig(CameraConfig):
     """
 
     also: ClassVar = ("left", "right")
+    noun: ClassVar[str] = "stereo camera"
     needs_mount: ClassVar[bool] = False
     sections: ClassVar[Mapping[str, Section]] = {"cameras": Section()}
 
@@ -68,6 +70,15 @@ class StereoConfig(CameraConfig):
     def right(self) -> Mount:
         """Mount of the right camera."""
         return self._beside(-0.5)
+
+    @property
+    def beside(self) -> str:
+        """Phrase about the baseline."""
+        return f", baseline {self.baseline:g} m"
+
+    def figures(self) -> str:
+        """Return size, fields of view, lens and baseline."""
+        return f"{super().figures()}{self.beside}"
 
     def _beside(self, share: float) -> Mount:
         x, y, z = transforms.transform(self.mount.base_from_sensor, [(0.0, share * self.baseline, 0.0)])[0].tolist()

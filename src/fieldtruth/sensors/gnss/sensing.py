@@ -2,13 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings of a GNSS receiver as a pure function of the true motion, without noise."""
 
-import numpy as np
-
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
+from fieldtruth.drive.controller import antenna_geodetic
 from fieldtruth.drive.track import STEP_NS, GnssReadings, Motion, steps_at_rate
-from fieldtruth.experiment.fields import Mount
 from fieldtruth.sensors.gnss.config import GnssConfig
 
 
@@ -30,9 +25,3 @@ class GnssTruth:
 def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
     """Return the geodetic positions of the antenna along a motion."""
     return GnssTruth(config).extend(motion)
-
-
-def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
-    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
-    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
-    return geodetic_from_world(position + lever)

@@ -8,8 +8,6 @@ force would miss coning and sculling (Savage, Strapdown Inertial Navigation Inte
 Guidance, Control, and Dynamics 21, 1998); the rotation vector and the change of velocity of the interval contain both.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -78,12 +76,6 @@ def rotation_vector(before_wxyz: Array, after_wxyz: Array) -> Array:
     before, after = (Rotation.from_quat(xyzw_from_wxyz(q)) for q in (before_wxyz, after_wxyz))
     vectors: Array = (before.inv() * after).as_rotvec()
     return vectors
-
-
-def heading(quaternion_wxyz: Array) -> float:
-    """Heading [rad] of base_link (the IMU's attitude, turned by its mount): 0 north, positive towards west."""
-    w, x, y, z = quaternion_wxyz
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -> Array:

@@ -5,20 +5,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.sensors.lidar.config import LidarConfig
-
-
-def ring_elevations(config: LidarConfig) -> Array:
-    """Angles (rings,) [rad] of the beams above the horizon.
-
-    Without ``elevations_deg`` ring 0 is the highest beam, the last ring the lowest; they span the vertical field of
-    view, both ends included (+22.5 and -22.5 deg).
-    """
-    if config.elevations_deg is not None:
-        return np.radians(np.array(config.elevations_deg, np.float64))
-    half = np.radians(config.vertical_fov_deg) / 2.0
-    return np.linspace(half, -half, config.rings) if config.rings > 1 else np.zeros(1)
 
 
 def column_times_ns(config: LidarConfig) -> NDArray[np.int64]:

@@ -3,29 +3,27 @@
 """Configuration of the LiDAR; defaults from the paper's Tables 1, 2 and 5."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
-from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, Section, SensorName, TopicName
+from fieldtruth.core.readings import Cloud
+from fieldtruth.experiment.fields import Boolean, Mount, Rate
+from fieldtruth.experiment.sensor_config import FrameName, Section, SensorName, TopicName
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
-MOST_RINGS: Final = 256
-Elevation = Annotated[Number, Field(gt=-90, lt=90)]
-Turn = Annotated[Number, Field(ge=-180, le=180)]
-Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
 TimeField = Literal["time", "timestamp"]
 PointFields = Literal["ouster", "livox"]
 Intensity = Literal["class", "reflectivity"]
 Pattern = Literal["avia", "mid_360"]
-_PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 
-class LidarConfig(MountedConfig):
+class LidarConfig(ScanningConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
+    noun: ClassVar[str] = "LiDAR"
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
     sections: ClassVar[Mapping[str, Section]] = {"lidar": Section()}
@@ -38,35 +36,6 @@ class LidarConfig(MountedConfig):
     frame: FrameName = "os1_lidar"
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
     rate_hz: Rate = 10.0
-    columns: Annotated[Integer, Field(ge=8, le=8192)] = 512
-    rings: Annotated[Integer, Field(ge=1, le=MOST_RINGS)] = 64
-    vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
-    elevations_deg: (
-        Annotated[
-            tuple[Elevation, ...], Field(description="a list of angles between -90 and 90, one per ring", **_PER_RING)
-        ]
-        | None
-    ) = None
-    """Above the horizon, by number of the ring. None: rings are even over the field of view, ring 0 the highest."""
-    azimuth_offsets_deg: (
-        Annotated[
-            tuple[Turn, ...], Field(description="a list of angles between -180 and 180, one per ring", **_PER_RING)
-        ]
-        | None
-    ) = None
-    """Azimuth of each ring from that of its column, clockwise seen from above. None: zero."""
-    firing_offsets_ns: (
-        Annotated[
-            tuple[Delay, ...],
-            Field(description="a list of integers from 0 to 100000000, one per ring", **_PER_RING),
-        ]
-        | None
-    ) = None
-    """Time at which each ring fires, after the first of its column; the head turns meanwhile. None: zero."""
-    min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
-    max_range: Range = 120.0  # [m]; data sheet of the OS1
-    spinning: Boolean = False
-    """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
     """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
     point_fields: Annotated[PointFields, Field(description="ouster or livox")] | None = None
@@ -88,7 +57,28 @@ class LidarConfig(MountedConfig):
 
     def outputs(self) -> tuple[Output, ...]:
         """Its point clouds."""
-        return (self.output(self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2")),)
+        return (self.output(self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"), reading=Cloud),)
+
+    @property
+    def needs_signal_for_weather(self) -> bool:
+        """Whether it is ideal."""
+        return self.signal is None
+
+    def summary(self) -> str:
+        """Return rays, field of view, range and timing."""
+        timing = "columns are measured in turn over one period" if self.spinning else "all rays leave at the stamp"
+        elevations = self.elevations_deg
+        beams = f" (elevations {min(elevations):g} to {max(elevations):g} deg)" if elevations else ""
+        field = f"360 x {self.vertical_fov_deg:g} deg{beams}" if self.pattern is None else f"pattern {self.pattern}"
+        return (
+            f"{self.columns} x {self.rings} rays, {field}, {self.min_range:g} to {self.max_range:g} m; {timing}; "
+            "only returns are stored."
+        )
+
+    @property
+    def uneven(self) -> str:
+        """Name of the key because of which the rays are no even grid of angles; empty if they are one."""
+        return "pattern" if self.pattern is not None else super().uneven
 
     @property
     def sweep_s(self) -> float:

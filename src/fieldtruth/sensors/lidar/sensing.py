@@ -13,7 +13,7 @@ from fieldtruth.kernels.lidar import Beams, Scan, collect_returns, trace_beams
 from fieldtruth.kernels.packets import LabelBuffers, new_packet
 from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.beams import ray_times_ns, ring_elevations
+from fieldtruth.sensors.lidar.beams import ray_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.patterns import pattern_directions
 from fieldtruth.world.model import ROBOT_ID
@@ -31,7 +31,7 @@ def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
     ahead = np.radians(np.array(config.azimuth_offsets_deg or (0.0,)))  # (rings,) or (1,), clockwise
     ahead = ahead + 2.0 * np.pi * config.rate_hz * 1e-9 * np.array(config.firing_offsets_ns or (0,))
     azimuth = (-2.0 * np.pi * np.arange(config.columns) / config.columns)[:, None] - ahead
-    elevation = ring_elevations(config)
+    elevation = config.ring_elevations
     directions = np.empty((config.columns, config.rings, 3))
     directions[..., 0] = np.cos(azimuth) * np.cos(elevation)
     directions[..., 1] = np.sin(azimuth) * np.cos(elevation)

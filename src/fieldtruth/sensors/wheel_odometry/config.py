@@ -5,6 +5,7 @@
 from collections.abc import Mapping
 from typing import ClassVar, Final, Literal
 
+from fieldtruth.core.readings import Joints, Odometry, Reading, WheelSpeeds
 from fieldtruth.experiment.fields import Boolean, Frozen, Rate
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import Section, SensorConfig, SensorName, TopicName
@@ -31,6 +32,8 @@ class OdometrySection(Frozen):
 class WheelOdometryConfig(SensorConfig):
     """Speeds of the wheels, joint states and wheel odometry; a rig has one of these or none."""
 
+    noun: ClassVar[str] = "wheel encoders"
+    gives: ClassVar[type[Reading]] = Odometry
     sees: ClassVar[bool] = False
     needs_wheels: ClassVar[bool] = True
     bag_order: ClassVar[float] = 3
@@ -53,12 +56,27 @@ class WheelOdometryConfig(SensorConfig):
 
         The ideal ones follow if it is not ideal.
         """
-        speeds = (self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS)
+        speeds = [self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS]
+        by_wheel = dict(zip(WHEELS, speeds, strict=True))
+        joints = self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState")
+        odometry = self.new_topic(self.topic, "nav_msgs/msg/Odometry")
         return self.with_truth(
-            self.output(*speeds, part="speeds", clock="tachometers"),
-            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints", frame=BASE),
-            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry", frame=ODOM),
+            self.output(*speeds, part="speeds", clock="tachometers", reading=WheelSpeeds)._replace(fields=by_wheel),
+            self.output(joints, part="joints", frame=BASE, reading=Joints),
+            self.output(odometry, part="odometry", frame=ODOM, reading=Odometry),
         )
+
+    def figures(self) -> str:
+        """Return the rate of the wheels' speeds."""
+        return f"wheel speeds at {self.tachometer_rate_hz:g} Hz"
+
+    def notes(self, named: str) -> list[str]:
+        """Return what the error of its odometry is."""
+        return [
+            f"Wheel odometry (`{self.topic}`) is exact in what it measures, the angles of the wheels: all "
+            "of its error is slip and\n  skidding. Its covariances are the constants of a real Husky's driver. The "
+            "frame `odom` is not in `/tf`."
+        ]
 
     def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
         """Its outputs with a speed for each wheel of the robot."""
