@@ -351,9 +351,9 @@ class Commands(Checker):
             follower.update_fix(message.latitude, message.longitude)
         elif raw.topic != table.COMMANDS:
             q = message.orientation
-            world_from_imu = transforms.rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
-            base_from_imu = self._attitude.mount.base_from_sensor[:3, :3]
-            self._heading = raw.stamp_ns, float(transforms.yaw_from_rotation(world_from_imu @ base_from_imu.T))
+            world_from_sensor = transforms.rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
+            base_from_sensor = self._attitude.mount.base_from_sensor[:3, :3]
+            self._heading = raw.stamp_ns, float(transforms.yaw_from_rotation(world_from_sensor @ base_from_sensor.T))
         elif self._heading[0] == raw.stamp_ns:
             due, found = follower.command(self._heading[1]), (message.linear.x, message.angular.z)
             self._tally[COMMAND].measure(float(np.abs(np.subtract(due, found)).max()), at(raw))
