@@ -12,7 +12,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.pipeline import generate
-from fieldtruth.record.following import without_wheels
+from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate
 
 

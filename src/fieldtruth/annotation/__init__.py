@@ -38,7 +38,7 @@ from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
 from fieldtruth.experiment.topic import Output, Topic
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.record.folder import RunFolder, new_folder
-from fieldtruth.record.sensors import sensor_factory, sensor_streams
+from fieldtruth.record.sensors import sensor_factory, series_of, stream_of
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.stream import Stream
 from fieldtruth.sensors.kind import Movement, SensorWorld
@@ -185,7 +185,7 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
 
     movement, streams = Movement(pose_at), list[Stream]()
     for config in (each for each in rig.in_order() if each.sees):
-        streams += sensor_streams(config, rig, partial(stamps, config), movement, 0)
+        streams += [stream_of(series, movement) for series in series_of(config, rig, partial(stamps, config), 0)]
     return streams
 
 

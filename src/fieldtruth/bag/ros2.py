@@ -18,6 +18,8 @@ from rosbags.typesys.store import Typestore
 from fieldtruth.bag import messages as ros
 
 MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
+ROS1_GAP, ROS2_GAP = 4, 8
+"""Bytes between poses and twists of that type."""
 _LITTLE_ENDIAN: Final = b"\x00\x01"
 
 _BUILTIN: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
@@ -56,7 +58,7 @@ def converter_of(kind: Ros2Type) -> Convert:
         types = ros2, ros1, kind.name, kind.name
         return bytes(migrate_bytes(*types, defaults, data, src_is2=True, dst_is2=False))
 
-    return _ModelStates(convert) if same and kind.name == MODEL_STATES else convert
+    return ModelStatesConverter(convert, (ROS2_GAP, ROS1_GAP)) if same and kind.name == MODEL_STATES else convert
 
 
 @lru_cache(maxsize=256)
@@ -78,24 +80,30 @@ def _stores(kind: Ros2Type) -> tuple[Typestore, Typestore]:
     return ros2, ros1
 
 
-class _ModelStates:
+class ModelStatesConverter:
     """Converts gazebo_msgs/ModelStates, which comes at 1000 Hz: poses and twists are copied as two arrays.
 
     Field by field it takes 1 ms for a message of hundreds of objects. The names are kept from one message to the next.
+
+    Args:
+        convert: converts any message of the type.
+        gaps: bytes between poses and twists, in the messages that are given and in those that are returned: their
+            number and, in ROS 2, padding, because doubles start at multiples of 8.
     """
 
-    def __init__(self, convert: Convert) -> None:
-        self._convert = convert
+    def __init__(self, convert: Convert, gaps: tuple[int, int]) -> None:
+        self._convert, self._gaps = convert, gaps
         self._known = b"", b"", 0
-        """What comes before the poses in ROS 2 and in ROS 1, and their number; threads share it."""
+        """The bytes before the poses, as given and as returned, and the number of poses; threads share it."""
 
     def __call__(self, data: bytes) -> bytes:
-        head, names, count = self._known
-        at, middle = len(head), len(head) + 56 * count
-        if not count or not data.startswith(head) or len(data) != at + 104 * count + 8:
-            whole = self._convert(data)
-            (count,) = struct.unpack_from("<L", whole)
-            self._known = data[: len(data) - 104 * count - 8], whole[: len(whole) - 104 * count - 4], count
+        """Return a converted message."""
+        (head, names, count), (gap, new_gap) = self._known, self._gaps
+        at, middle, number = len(head), len(head) + 56 * count, struct.pack("<L", count)
+        fits = len(data) == at + 104 * count + gap and data[middle : middle + 4] == number
+        if not (count and fits and data.startswith(head)):
+            whole = bytes(self._convert(data))
+            (count,) = struct.unpack_from("<L", whole if gap > new_gap else data)
+            self._known = data[: len(data) - 104 * count - gap], whole[: len(whole) - 104 * count - new_gap], count
             return whole
-        # Doubles start at multiples of 8: the twists come after their number and 4 bytes of padding.
-        return b"".join((names, data[at:middle], struct.pack("<L", count), data[middle + 8 :]))
+        return b"".join((names, data[at:middle], number.ljust(new_gap, b"\0"), data[middle + gap :]))

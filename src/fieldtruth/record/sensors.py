@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldtruth.drive.track import Stamps
+from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output
 from fieldtruth.record.clocks import ClockReadings, clock_of
 from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.sensors.kind import At, Movement, SensorWorld
+from fieldtruth.sensors.kind import At, Movement, SensorWorld, stamps_of
 from fieldtruth.sensors.known import new_sensors
 
 
@@ -67,14 +67,16 @@ def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stam
     return series
 
 
-def sensor_streams(
-    config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], movement: Movement, seed: int
-) -> list[Stream]:
-    """Return the streams of a sensor that moves so, one for each of its series; see ``series_of``."""
-    return [_stream(series, movement) for series in series_of(config, rig, stamps_of, seed)]
+def series_along(config: SensorConfig, rig: Rig, track: Track, seed: int) -> list[Series]:
+    """Return the series of a sensor along a drive; at separate poses, sensors that measure the motion have none."""
+    stamps = track.motion.stamps_ns
+    if track.is_frames:
+        return series_of(config, rig, lambda _: stamps, seed) if config.sees else []
+    return series_of(config, rig, lambda output: stamps_of(config, output, int(stamps[-1])), seed)
 
 
-def _stream(series: Series, movement: Movement) -> Stream:
+def stream_of(series: Series, movement: Movement) -> Stream:
+    """Return the stream of a series along a movement."""
     output = series.output
 
     def messages(k: int, sensors: Sensors) -> Iterable[bytes]:

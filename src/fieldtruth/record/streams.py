@@ -5,24 +5,26 @@
 A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from fieldtruth.bag import messages, topics
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import sensor_streams
+from fieldtruth.record.sensors import series_along, stream_of
 from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.sensors.kind import Movement, movement_of, stamps_of
+from fieldtruth.sensors.kind import Movement, movement_of
 from fieldtruth.world.model import World
 
 
 def streams_of(
-    world: World, track: Track, rig: Rig, *, latched: bool = False, movement: Movement | None = None
+    world: World,
+    track: Track,
+    rig: Rig,
+    *,
+    latched: bool = False,
+    movement: Movement | None = None,
+    seed: int | None = None,
 ) -> list[Stream]:
     """Return every stream of a recording, in the order of ``topics_of``.
 
@@ -32,21 +34,17 @@ def streams_of(
         rig: the sensors.
         latched: whether static objects come once.
         movement: that of the track, if it was made; it keeps what sensors have measured.
+        seed: of the sensors' clocks; None for the world's.
     """
     end_ns, movement = int(track.motion.stamps_ns[-1]), movement or movement_of(track)
     poses = track.motion.stamps_ns if track.is_frames else stamps_at_rate(topics.POSE_RATE, end_ns)
     streams = _truth(world, track, rig, poses, latched=latched)
     for config in rig.in_order():
-        if config.sees or not track.is_frames:
-            streams += sensor_streams(config, rig, _stamps(config, track), movement, world.seed)
+        series = series_along(config, rig, track, world.seed if seed is None else seed)
+        streams += [stream_of(each, movement) for each in series]
         if config.needs_wheels and track.base is not None:
             streams.append(_commands(track.base.commands))
     return streams
-
-
-def _stamps(config: SensorConfig, track: Track) -> Callable[[Output], Stamps]:
-    stamps = track.motion.stamps_ns
-    return lambda output: stamps if track.is_frames else stamps_of(config, output, int(stamps[-1]))
 
 
 def _commands(commands: Commands) -> Stream:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images with fewer pixels, and JPEGs below a given size."""
+"""Small images: fewer pixels, JPEGs below a size, PNGs with every pixel, and colours of normals and of optical flow."""
 
 from pathlib import Path
 from typing import Final

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One picture of a rig: the robot from the side and from above, and a plan of the ground that its sensors see."""
+"""A picture of a rig: the robot from two sides with frames and fields of view, and a plan of the ground in view."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
