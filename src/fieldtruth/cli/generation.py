@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
-from fieldtruth.core.outputs import output_folder, output_path
+from fieldtruth.core.files import output_folder, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import show_progress
 
@@ -64,7 +64,6 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
-    from fieldtruth.core.files import output_folder
     from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
@@ -264,7 +263,6 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.core.files import output_path
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import output_path
 from fieldtruth.core.progress import show_progress
 
 if TYPE_CHECKING:
@@ -123,7 +123,6 @@ def _rig(options: argparse.Namespace) -> None:
     if options.preview:
         _draw(options)
         return
-    from fieldtruth.core.files import output_path
     from fieldtruth.experiment.files import load_experiment
 
     out = options.out
@@ -144,7 +143,6 @@ def _rig(options: argparse.Namespace) -> None:
 
 
 def _draw(options: argparse.Namespace) -> None:
-    from fieldtruth.core.files import output_path
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, write_image
 
