@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What lies and sprouts on the ground: leaves, twigs, cones, stones, tufts of short grass, as patches of shared meshes.
+"""Litter on the ground: leaves, twigs, cones, stones, tufts of short grass, as patches of shared meshes.
 
 Patches lie on the surface that rays meet, in its mean slope. They have the class of the ground they lie on: those of a
 trail lie wholly on it, the others wholly beside. Wheels do not feel them.
+
+A shape makes n of a kind at once, as one surface: curled leaves, blades, twigs, stones.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps."""
+"""Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps.
+
+Circles on a plane are found by position: placing an object takes as long in a large world as in a small one. Swarms are
+many small objects at once, spread over an area.
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -292,7 +296,7 @@ class WorldBuilder:
         return round(count * max(1.0, self.size[0] * self.size[1] / (BUILT_IN[0] * BUILT_IN[1])))
 
     def is_free(self, xy: Sequence[float] | Array, radius: float) -> bool:
-        """Whether a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
+        """Return True if a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
         x, y = float(xy[0]), float(xy[1])
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:
@@ -438,7 +442,7 @@ class WorldBuilder:
         self.add_swarm(make_swarm(spec.name, spec.kind, spec.meshes, poses, rng, tint=spec.tint), spec.meshes)
 
     def off_solids(self, xy: Array, clear: float) -> Mask:
-        """Whether positions (n, 2) are at least ``clear`` [m] from all colliders."""
+        """Mask of the positions (n, 2) that are at least ``clear`` [m] from all colliders."""
         off = np.ones(len(xy), np.bool_)
         if len(xy) and self._solids:
             solids = np.array(self._solids)

@@ -1,12 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of grass and herbs: bent blades, pairs of pinnae, flower discs and spindles.
+"""Tufts of grass or herbs, clumps of many tufts, and the shapes of their blades, leaves, pinnae, flowers and spikes.
+
+A tuft has blades of several kinds from one disc of soil, with leaves, fronds and flowers. Blades bend like the paths of
+particles. Tufts as the unit of instancing follow Deussen et al., "Realistic modeling and rendering of plant
+ecosystems", SIGGRAPH 1998. A tuft leans as a whole, its blades differ in length, bend and direction, and dead ones lie
+between the others: a meadow of equal tufts would look mown.
 
 Shapes have four or eight vertices. Cameras vary the shade by groups of four vertices, by the first vertex of each
 triangle; in thin shapes that vertex is one of the first four, so that a blade has one shade. A blade of eight vertices
 is a root point, three pairs, and a tip; one of four is a kite.
 
-Shading normals are blended with the vertical, so that a meadow is lit as a soft volume (as for leaves in `leaves`).
+Shading normals are blended with the vertical, so that a meadow is lit as a soft volume (as leaves are, in `trees`).
+
+A clump is many tufts of one or several species as one mesh that is instanced over a meadow. A ray that grazes a meadow
+visits every tuft whose bounding box it crosses. Blades extend far beyond their roots, so the boxes of single tufts
+overlap many times; a clump of a metre, whose blades share one bounding volume hierarchy, took half the time for the
+same blades.
 """
 
 from collections.abc import Mapping

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Growth of the skeleton: every stem of a plant as a tapering polyline, vectorized over all stems of an order.
+"""Growth of the skeleton, every stem of a plant as a tapering polyline, and the surface around it.
 
-After Weber and Penn (1995): a stem sprouts from its parent at an angle, its length follows from the crown's outline or
-from its parent's length, its radius from its length. Unlike theirs, with fixed curvature, the direction of a stem does
-a random walk with a pull up or down, which gives crooked limbs and hanging twigs. Stems that would dip below the clear
-height are pruned.
+Stems are vectorized over all of an order. After Weber and Penn (1995): a stem sprouts from its parent at an angle, its
+length follows from the crown's outline or from its parent's length, its radius from its length. Unlike theirs, with
+fixed curvature, the direction of a stem does a random walk with a pull up or down, which gives crooked limbs and
+hanging twigs. Stems that would dip below the clear height are pruned.
+
+The surface is tapered tubes about the stems, wider at the roots, with bark that tiles at the seam.
 """
 
 from collections.abc import Sequence

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves: single blades on stalks along the twigs, each of two or four triangles, and sprays of needles.
+"""Trees and bushes of a species: stems, leaves and flowers in one mesh, with its collider and footprint.
 
-At full detail leaves have their real size and number: 60,000 to 100,000 on a large tree. With less detail they are
-fewer and larger, of the same form and total area, each in the middle of those that it stands for. A blade turns its
-upper side up and outwards to the light and droops a little. Shading normals are the blade's own, blended with the
-outward normals of the crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise (Luft,
-Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with
-ellipsoids instead of their implicit surfaces).
+Leaves are single blades on stalks along the twigs, each of two or four triangles, and sprays of needles. At full detail
+leaves have their real size and number: 60,000 to 100,000 on a large tree. With less detail they are fewer and larger,
+of the same form and total area, each in the middle of those that it stands for. A blade turns its upper side up and
+outwards to the light and droops a little. Shading normals are the blade's own, blended with the outward normals of the
+crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise (Luft, Balzer and Deussen,
+"Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with ellipsoids instead of
+their implicit surfaces).
+
+A bush in bloom: some of its leaves, in patches on the outside, become flowers.
 """
 
 from dataclasses import dataclass, replace
