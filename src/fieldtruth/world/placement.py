@@ -370,16 +370,37 @@ class WorldBuilder:
             CrowdedWorldError: too few candidates are free even at half the spacing.
         """
         darts = self.random_positions(self.tries(tries), rng)
+        return self.place(group, rng, darts[allowed(darts)])
+
+    def place(
+        self,
+        group: ObjectGroup,
+        rng: np.random.Generator,
+        candidates: Array,
+        *,
+        eases: Sequence[float] = EASES,
+        pose: Callable[[Array, float, float], Array] | None = None,
+    ) -> list[Instance]:
+        """Place objects at candidates (n, 2), upright or at the ``pose`` (4, 4) of a position, a yaw and a scale.
+
+        Draws for each candidate a scale, and for a placed object yaw and tint.
+
+        Raises:
+            CrowdedWorldError: too few candidates are free even at the least of the eased spacings.
+        """
 
         def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
             mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
-            if not apart or not self.is_free(xy, mesh.footprint * scale):
+            radius = mesh.footprint * scale
+            if not apart or not self.is_free(xy, radius):
                 return None
-            yaw = float(rng.uniform(0.0, 2.0 * np.pi))
-            return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
+            yaw, tint = float(rng.uniform(0.0, 2.0 * np.pi)), random_tint(rng, group.tint)
+            if pose is None:
+                return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=tint)
+            return self.add(group.kind, mesh, pose(xy, yaw, scale), [(*xy, radius)], tint=tint)
 
-        hits = darts[allowed(darts)]
-        return group.check_complete(place_until_count(group.count, hits, attempt, spacings=eased(group.spacing)))
+        placed = place_until_count(group.count, candidates, attempt, spacings=eased(group.spacing, eases))
+        return group.check_complete(placed)
 
     def along_trails(self, group: ObjectGroup, rng: np.random.Generator, offset: float) -> list[Instance]:
         """Add objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.

@@ -279,6 +279,13 @@ SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around i
 Surface = tuple[Array, Array, Array, NDArray[np.int32]]
 
 
+def gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int]]) -> Surface:
+    """One surface of ``n`` shapes of ``k`` vertices (n, k, ...), each with the faces of ``pattern``."""
+    n, k, _ = vertices.shape
+    faces = k * np.arange(n)[:, None, None] + np.array(pattern)
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
+
+
 def merged(
     name: str,
     surfaces: Sequence[Surface],

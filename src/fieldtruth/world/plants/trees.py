@@ -26,6 +26,7 @@ from fieldtruth.world.plants.growth import (
     Stems,
     Surface,
     dry_branches,
+    gathered,
     grow_skeleton,
     merged,
     sideways,
@@ -119,7 +120,7 @@ def _outward(points: Array, limb: Index) -> Array:
     return unit(crown + clump)
 
 
-def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> Surface:
     """Vertices (k m, 3) [m], normals, uv and faces of blades with k corners: base, left, tip, right downwards.
 
     A kite has 4 corners, a rounded blade 6. v is along the midrib. Outlines vary between blades and
@@ -159,12 +160,10 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
     normals = unit((1 - blend) * own + blend * outward)
     fan = [[0, k + 1, k] for k in range(1, corners - 1)]
-    faces = corners * np.arange(m)[:, None, None] + np.array(fan)
-    uvs = np.broadcast_to(uv, (m, corners, 2))
-    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
+    return gathered(vertices, normals, np.broadcast_to(uv, (m, corners, 2)), fan)
 
 
-def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> Surface:
     """Sprays: pointed prongs side by side, the outer ones shorter and bent a little off the plane."""
     m, k = len(leaves.length), form.prongs
     rank = np.arange(k) - 0.5 * (k - 1)
