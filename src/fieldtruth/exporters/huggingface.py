@@ -149,7 +149,7 @@ def _format_of(run: Run, view: Source) -> str:
 
 
 def _is_distorted(run: Run, view: Source) -> bool:
-    """Whether K alone does not describe a camera."""
+    """Return True if K alone does not describe a camera."""
     return run.calibration.has_lens(view.name) and not run.calibration.lens(view.name).is_pinhole
 
 

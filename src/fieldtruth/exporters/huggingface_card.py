@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
     @property
     def is_list(self) -> bool:
-        """Whether a cell has several values."""
+        """True if a cell has several values."""
         return self.kind.endswith("[]") or self.kind == "classes"
 
     @property
@@ -112,7 +112,7 @@ def title_of(members: Sequence[Member]) -> str:
 
 
 def is_own(members: Sequence[Member]) -> bool:
-    """Whether fieldtruth generated all runs."""
+    """Return True if fieldtruth generated all runs."""
     return all(member.run.experiment is not None for member in members)
 
 

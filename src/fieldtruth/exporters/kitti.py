@@ -70,7 +70,7 @@ def rectified_views(run: Run) -> list[Source]:
 
 
 def has_cameras(run: Run) -> bool:
-    """Whether the run has the calibration of a camera."""
+    """Return True if the run has the calibration of a camera."""
     return any(run.calibration.has_lens(view.name) for view in first_views(run))
 
 
