@@ -177,7 +177,7 @@ def require_frames(run: Run, *, clouds: bool) -> None:
 
 
 def intensity_is_class(lidar: Source) -> bool:
-    """Return True if the field intensity of a LiDAR's points is their class, as in the paper, not their reflectivity."""
+    """Return True if the intensity of a LiDAR's points is their class, as in the paper, not their reflectivity."""
     return getattr(lidar.config, "intensity", "class") == "class"
 
 

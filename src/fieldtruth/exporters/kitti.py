@@ -254,7 +254,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     """Write the frames; return their stamps, and the largest difference [ns] of those of a cloud and its photographs.
 
     Raises:
-        BagError: there are none.
+        BagError: no cloud has photographs.
     """
     views = first_views(run)
     for name in (CLOUDS, *IMAGES[: len(views)]):
