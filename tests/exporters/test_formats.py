@@ -19,7 +19,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import FORMATS, Options, export
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 
 def digest(path: Path) -> dict[str, str]:

@@ -16,14 +16,13 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
-from fieldtruth.core.files import locked, output_errors, remove, replace_synced
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import locked, output_errors, output_path, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.exporters.frames import Member, find_members
-from fieldtruth.ontology.label_map import OWN, LabelMap, label_map_of
+from fieldtruth.ontology import OWN, LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
 
 T = TypeVar("T")

@@ -40,7 +40,7 @@ from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.frames import intensity_is_class
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 README: Final = "README.txt"
 SHEET: Final = "data_proportion.xlsx"

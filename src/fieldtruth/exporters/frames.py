@@ -27,7 +27,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import bags_in
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_-]")

@@ -25,7 +25,7 @@ from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 _Row = tuple[dict[str, Any], int]
 """Values by column, and their size [byte]."""

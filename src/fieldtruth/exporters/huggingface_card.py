@@ -20,7 +20,7 @@ import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.frames import SPLITS, Member
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"

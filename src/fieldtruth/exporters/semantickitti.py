@@ -27,7 +27,7 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views
 from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_cameras, read_geometry, write_cloud, write_motion
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""

@@ -29,7 +29,7 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frames, Member, cameras_of, count_common, require_frames
 from fieldtruth.exporters.zipped import add_member
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 DATASET: Final = "dataset.json"
 
