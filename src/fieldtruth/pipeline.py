@@ -16,7 +16,7 @@ from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.core.errors import FieldtruthWarning
-from fieldtruth.core.outputs import output_folder
+from fieldtruth.core.files import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_seconds
