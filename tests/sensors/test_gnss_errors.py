@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.measuring import sky_at

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.track import ImuReadings, stamps_at_rate
 from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised
 from fieldtruth.sensors.imu.signal import ImuSignal

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
-from fieldtruth.core.outputs import output_folder, output_path
+from fieldtruth.core.files import output_folder, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import show_progress
 
@@ -64,6 +64,7 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
+    from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
     with cluster as engine:
@@ -225,7 +226,7 @@ def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.robot_models import list_robots
     from fieldtruth.experiment.sensor_models import TITLES, list_models
-    from fieldtruth.ontology.label_map import LABEL_MAPS
+    from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
     def kinds() -> dict[str, str]:

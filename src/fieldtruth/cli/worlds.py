@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import output_path
 from fieldtruth.core.progress import show_progress
 
 if TYPE_CHECKING:

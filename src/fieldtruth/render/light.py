@@ -51,6 +51,7 @@ from fieldtruth.kernels.packets import Grid, new_packet
 from fieldtruth.kernels.shading import new_shading_buffers
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
+from fieldtruth.render.atmosphere import sphere
 from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sun_direction
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
@@ -88,10 +89,13 @@ def bake_light(
     workers: int,
     weather: WeatherConfig | None = None,
     materials: MaterialTable | None = None,
+    *,
+    texels: int | None = None,
 ) -> LightTable:
     """Compute the light of a scene. Only its volume is that in the weather, the rest that in clear air.
 
-    The result does not depend on ``workers``; ``materials`` are made here if they are not given.
+    The result does not depend on ``workers``; ``materials`` are made here if they are not given. The dome has
+    ``texels`` along each side, by default DOME_TEXELS.
     """
     sun = sun_direction(light.values.azimuth_deg, light.values.elevation_deg)
     disc, size = sun_disc(sun, SUN_RADIUS_DEG, 12), scene.world.size
@@ -99,7 +103,7 @@ def bake_light(
         spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
         x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)
         rng = np.random.default_rng([scene.world.seed, 7])
-        day = metered_daylight(light.values, size, rng, pool, daylight.DOME_TEXELS)
+        day = metered_daylight(light.values, size, rng, pool, texels or daylight.DOME_TEXELS)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
         table = LightTable(
             sun=sun,
@@ -143,7 +147,8 @@ def visibility(
     """
     result = np.empty(len(points), np.float32)
     normals = np.zeros_like(points) if normals is None else normals
-    fill_visibility(scene, new_packet(coherent=True), points, normals, directions, near, reach, result)
+    ahead = np.ascontiguousarray(directions)  # other strides would compile another kernel
+    fill_visibility(scene, new_packet(coherent=True), points, normals, ahead, near, reach, result)
     return result
 
 
@@ -161,14 +166,6 @@ def hemisphere(count: int) -> Array:
     """Directions (count, 3) spread evenly over the upper half (spherical Fibonacci)."""
     k = np.arange(count) + 0.5
     z, angle = k / count, k * np.pi * (3.0 - np.sqrt(5.0))
-    radius = np.sqrt(1.0 - z * z)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
-
-
-def sphere(count: int, turn: float) -> Array:
-    """Directions (count, 3) spread evenly over the sphere (spherical Fibonacci), turned about z by ``turn`` [rad]."""
-    k = np.arange(count) + 0.5
-    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0)) + turn
     radius = np.sqrt(1.0 - z * z)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
 

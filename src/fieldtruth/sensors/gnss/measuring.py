@@ -11,7 +11,7 @@ import numpy as np
 from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.track import GnssFixes, GnssReadings
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import noise

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.core.transforms import wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.track import ImuReadings
 from fieldtruth.sensors.imu.signal import Axes, ImuSignal
