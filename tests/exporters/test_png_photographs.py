@@ -73,6 +73,7 @@ def test_png_photographs_are_copied(to: str, stored: Path, photographs: dict[int
         rows = [row for row in table if row["camera"] == "left"]
         assert {Path(row["image"]["path"]).suffix for row in rows} == {".png"}
         found = {row["stamp_ns"]: row["image"]["bytes"] for row in rows}
+        assert "photograph, PNG, byte for byte" in (out / "README.md").read_text("utf-8")
     assert found == photographs
     first = Image.open(io.BytesIO(next(iter(found.values()))))
     assert (first.format, np.asarray(first).shape) == ("PNG", (184, 320, 3))

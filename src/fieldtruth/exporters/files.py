@@ -487,7 +487,7 @@ def _classes() -> str:
 
 
 def _other_classes(label_map: LabelMap) -> str:
-    """Which class of the ontology each of our classes becomes."""
+    """Return the section with the class of the ontology that each of our classes becomes."""
     rows = []
     for row in CLASSES:
         if row.rgb is not None:

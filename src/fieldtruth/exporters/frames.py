@@ -177,7 +177,7 @@ def require_frames(run: Run, *, clouds: bool) -> None:
 
 
 def intensity_is_class(lidar: Source) -> bool:
-    """Whether the field intensity of a LiDAR's points is their class, as in the paper, and not their reflectivity."""
+    """Return True if the intensity of a LiDAR's points is their class, as in the paper, not their reflectivity."""
     return getattr(lidar.config, "intensity", "class") == "class"
 
 
@@ -204,7 +204,7 @@ class View(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What was measured at a stamp."""
+    """The readings of a stamp."""
 
     stamp_ns: int
     views: dict[str, View]

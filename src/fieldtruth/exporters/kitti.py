@@ -70,7 +70,7 @@ def rectified_views(run: Run) -> list[Source]:
 
 
 def has_cameras(run: Run) -> bool:
-    """Whether the run has the calibration of a camera."""
+    """Return True if the run has the calibration of a camera."""
     return any(run.calibration.has_lens(view.name) for view in first_views(run))
 
 
@@ -254,7 +254,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     """Write the frames; return their stamps, and the largest difference [ns] of those of a cloud and its photographs.
 
     Raises:
-        BagError: there are none.
+        BagError: no cloud has photographs.
     """
     views = first_views(run)
     for name in (CLOUDS, *IMAGES[: len(views)]):

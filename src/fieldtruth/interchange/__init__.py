@@ -34,7 +34,7 @@ class Format(NamedTuple):
     extra: str = ""
     """Extra of the package that it needs; empty: none."""
     plain: bool = False
-    """Whether it does without extensions of its file format, which not all tools know."""
+    """True: it does without extensions of its file format, which not all tools know."""
 
 
 FORMATS: Final[dict[str, Format]] = {

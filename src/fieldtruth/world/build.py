@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds by name and seed, built by rules or read from the cache."""
+"""Worlds by name and seed, built by rules or read from the cache, and the file in which a world is stored."""
 
 import json
 from collections.abc import Mapping

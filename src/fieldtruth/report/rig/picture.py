@@ -18,7 +18,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, chassis_box, rollers
 from fieldtruth.experiment.topic import BASE
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
-from fieldtruth.report.preview.paper import Paper
+from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.report.rig.coverage import (
     Coverage,
     SensorView,

@@ -12,7 +12,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.kernels.lidar import EchoBuffers, Scan, trace_echoes, trace_surfaces
+from fieldtruth.kernels.lidar import EchoBuffers, Scan, trace_beams, trace_echoes
 from fieldtruth.kernels.lidar_noise import Reading, measure
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.robot import RobotScan
@@ -116,7 +116,7 @@ class Lidar(IdealLidar):
         poses, moving = self._poses(world_from_lidar, stamp_ns)
         rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
         if self._sub_rays is None:
-            trace_surfaces(rays, tables, self._packet, poses, self._beams, self._echoes)
+            trace_beams(rays, *tables, self._packet, poses, self._beams, self._echoes)
         else:
             trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
         if self._robot is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.experiment.robot_body import Box, Cylinder
-from fieldtruth.kernels.lidar import Beams, Scan, collect_returns, trace_beams
+from fieldtruth.kernels.lidar import Beams, Scan, collect_returns, only_ranges, trace_beams
 from fieldtruth.kernels.packets import LabelBuffers, new_packet
 from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene
@@ -85,7 +85,8 @@ class IdealLidar:
             ValueError: another number of poses.
         """
         poses, moving = self._poses(world_from_lidar, stamp_ns)
-        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
+        scene, out = self.scene, only_ranges(self._out)
+        trace_beams(scene.rays.handle, scene.hits, None, self._packet, poses, self._beams, out)
         if self._robot is not None:
             seen = self._robot_before(self._robot, poses)
             rows = self._robot.column[seen], self._robot.ring[seen]
@@ -127,7 +128,8 @@ class IdealLidar:
             np.zeros((len(column), 1), np.uint32),
             np.zeros((len(column), 1), np.float32),
         )
-        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, own, beams, before)
+        scene, out = self.scene, only_ranges(before)
+        trace_beams(scene.rays.handle, scene.hits, None, self._packet, own, beams, out)
         world_m = before.depth[:, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 
