@@ -4,8 +4,8 @@
 
 Numba compiles on one thread of a process. So a second process reads each sensor that sees once, in a world that is a
 box, in the same light and weather, and keeps the code in the cache. Who needs a kernel meanwhile waits for its file if
-it is being compiled, and compiles what nobody has begun (`kernels.compile`): nothing depends on the second process.
-There is none where no file can be kept, or where only one core is free. It ends with this one, however this one ends:
+it is being compiled, and compiles what has not been begun (`kernels.compile`): nothing depends on the second process.
+No such process is started where no file can be kept, or where only one core is free. It ends with this one, however this one ends:
 its standard input is a pipe, which the system then closes.
 """
 
@@ -27,6 +27,7 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.baking import gather_probes
 from fieldtruth.kernels.compile import can_save, is_saved
 from fieldtruth.kernels.photograph import render_linear
@@ -98,7 +99,7 @@ def compile_kernels(experiment: Experiment) -> None:
         [MeshPart((_CORNERS, np.vstack([_SIDES[:, :3], _SIDES[:, [0, 2, 3]]])), "bench")], ground=0.0
     )
     sensor_world = _Box(world, rig, experiment.light, experiment.weather, seed=experiment.seed)
-    for config in sorted(rig.in_order(), key=lambda config: config not in rig.cameras):
+    for config in sorted(rig.in_order(), key=lambda config: not isinstance(config, ImagingConfig)):
         for output in config.outputs_on(rig.robot) if config.sees else ():
             sensor = sensor_class(config)(config, sensor_world)
             for speed in _SPEEDS if config.signal is not None else _SPEEDS[:1]:
