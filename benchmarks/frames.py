@@ -20,7 +20,7 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import prepare
-from fieldtruth.record.following import without_wheels
+from fieldtruth.record.streams import without_wheels
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 

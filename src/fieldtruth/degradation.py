@@ -29,7 +29,7 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import Stream
 
 _CHUNKS: Final = 16
 """Decompressed parts of the bag in memory, some for each worker thread."""

@@ -31,8 +31,8 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance, timed
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import BASE
-from fieldtruth.record.stream import Stream
+from fieldtruth.experiment.sensor_config import BASE
+from fieldtruth.record.streams import Stream
 from fieldtruth.world.model import World
 
 _SAME: Final = 1e-3

@@ -24,7 +24,7 @@ from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, ri
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts, Mask
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.sensor_config import BASE
 
 
 def read_objects(run: BagFile) -> tuple[tuple[str, ...], Array]:

@@ -40,8 +40,7 @@ from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNa
 from fieldtruth.core.readings import Cloud, Frame, Message, Reading
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 _TOLERANCE: Final = 0.2

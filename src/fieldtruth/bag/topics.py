@@ -14,9 +14,9 @@ from fieldtruth.core import readings
 from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
+from fieldtruth.experiment.robot_config import WHEELS
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.experiment.topic import WHEELS, Topic
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 

@@ -19,8 +19,7 @@ from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import SLICE_NS, Slices
-from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import Sensors, Stream, streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.kind import At, Movement, SensorWorld

@@ -22,9 +22,8 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.track import Track, stamps_at_rate
-from fieldtruth.experiment.config import Route
+from fieldtruth.experiment.config import Route, metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record.slices import Slices
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene

@@ -34,7 +34,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import counted
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Joints, Message, Odometry, Reading, WheelSpeeds
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png

@@ -16,9 +16,8 @@ from fieldtruth.core import transforms
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.drive.track import Stamps, Track, state_at
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import Series, sensor_factory, series_of
-from fieldtruth.record.stream import Sensors
+from fieldtruth.experiment.sensor_config import Output
+from fieldtruth.record.streams import Sensors, Series, sensor_factory, series_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of, stamps_of
 from fieldtruth.simulation.due import wanted_outputs

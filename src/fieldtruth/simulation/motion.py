@@ -28,7 +28,7 @@ from fieldtruth.drive.track import (
     state_at,
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig
-from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
+from fieldtruth.record.streams import follow_track, with_stored_track, without_wheels
 from fieldtruth.world.model import World
 
 

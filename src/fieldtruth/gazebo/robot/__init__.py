@@ -9,12 +9,11 @@ from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
 from fieldtruth.drive.physics import FRICTION, skid_compensation
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.gazebo.robot import parts
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -27,12 +27,11 @@ from fieldtruth.drive import physics
 from fieldtruth.drive.physics import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig
-from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 STIFFNESS: Final = 1e7  # [N/m]

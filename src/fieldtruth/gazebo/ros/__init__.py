@@ -20,18 +20,17 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import DriveConfig, Experiment
+from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
 from fieldtruth.gazebo.robot.parts import cloud_topic, observers
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
-from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.world.model import World
 
