@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiments by name, without heavy imports: the built-in ones, and those of folders ``experiments`` of
-FIELDTRUTH_PATH or of entry points of the group ``fieldtruth.experiments``.
+"""Experiments, models of sensors and robots by name, without heavy imports; data files state the source of each figure.
+
+Those of the package are in ``builtin`` and ``models``. Others are in folders ``experiments``, ``sensors/KIND`` and
+``robots`` of FIELDTRUTH_PATH, or named by entry points of ``fieldtruth.experiments``, ``fieldtruth.sensors.KIND`` and
+``fieldtruth.robots``.
 """
 
 from collections.abc import Mapping

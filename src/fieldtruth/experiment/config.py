@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of an experiment: environment, route or track file, rig, light and seed, as frozen data."""
+"""Configuration of an experiment: environment, route or track file, rig, light and seed, as frozen data.
+
+Routes are geodetic, as in the paper, in metres of the world frame, or random. Print one that is given in metres in its
+geodetic form::
+
+    print(fieldtruth.route_yaml(fieldtruth.route_from_metres((-33, -6), [(-22, -3), (-10, 2)])))
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Types of numbers in the configuration, the base of all its classes, and poses of frames on the robot."""
+"""Types of values in the configuration, the base of its classes, and one-line messages: key, condition, value."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
+"""Configuration of the robot and its sensors, by default the paper's (Tables 1, 2 and 5), its rules and its short form.
+
+The short form has a key for each sensor of the paper, such as ``lidar: {rate_hz: 20}``. It changes the first sensor of
+its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` change the robot.
+"""
 
 import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
+"""Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
 from collections.abc import Callable, Mapping

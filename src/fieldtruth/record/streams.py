@@ -1,8 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Streams of messages from world, track and rig: each has its stamps and can make any of its readings.
+"""Streams of messages from world, track and rig, the clocks that stamp them, and motion along a track file.
 
-A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
+Each stream has its stamps and can make any of its readings. A reading depends only on its number, so parts of a
+recording can be made in any order and by any thread, each of which has sensors of its own.
+
+Clocks of sensors: what the headers of their messages say, and which messages are lost. The stamp of a message in the
+bag stays the true time of its reading. A clock shows, at the time t, t + offset + drift t + jitter with a jitter that
+is normal and of each reading its own. Stamps rise: where the jitter is so large that they would not, a stamp is 1 ns
+above the one before. A reading whose clock shows 0 or less is lost, as ROS has no such time.
 """
 
 import math

@@ -1,6 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of normals and of optical flow: their form, and the same images of the rebuilt world."""
+"""Checks of images with the same stamp: CameraInfo, normals, optical flow, single rays, and LiDAR against cameras.
+
+Rays of single pixels, found without the tables and the code by which the cameras find theirs. A direction is searched
+whose image point is the pixel's centre: a search in one or two dimensions, with the formulas of the models written out
+a second time (ROS's CameraInfo; OpenCV's calib3d and fisheye).
+
+LiDAR against cameras: points that fall on flat parts of an image have the pixels' class, instance and depth. Clouds are
+projected by /tf_static and CameraInfo alone. A part is flat where 5 x 5 pixels are of one class and instance, and of
+one plane: the inverse depth of a plane is affine in the image, so that it is known between the pixels. LiDAR and camera
+have different viewpoints, and blades or twigs narrower than a pixel may hide what the pixels show; so shares of points
+are checked, not single points. What hides a point from the camera is in front of it, so that from any viewpoint hardly
+a point is in front of what its pixel shows. How many are behind depends on the distance between the two and on the
+grass about them: this share is checked only where they are close together and above the grass.
+"""
 
 import math
 import threading

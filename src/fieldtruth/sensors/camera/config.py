@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of a camera."""
+"""Configuration of a camera and of a stereo pair, and figures of a real one: lens, exposure, shutter, sensor, colours.
+
+See docs/camera_signal.md for the laws.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, Self

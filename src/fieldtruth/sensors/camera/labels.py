@@ -1,6 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A camera's label, instance and depth images. They depend on geometry alone, not on light."""
+"""Labels, instances, depth, normals and optical flow: from the rays through the centres of the pixels.
+
+Directions of a camera's rays as a table that kernels read, for every lens but the pinhole. A pinhole's directions are
+computed where they are needed, which is faster. Other lenses have to be inverted by iteration; that is done once.
+
+Optical flow: how far each pixel's surface point has moved in the image when the camera takes the next one. The point is
+that of the depth image. The world stands still, the robot moves with the camera, and the sky is infinitely far. A ray
+from the next pose to the point finds whether something hides it there.
+"""
 
 from dataclasses import dataclass, field
 from functools import lru_cache

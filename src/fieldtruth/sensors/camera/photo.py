@@ -1,6 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor behind the lens: from light to the photograph, with the noise of one reading."""
+"""What lens and image sensor of a real camera make of light: vignetting, glare, blur, bloom, raw values, colours.
+
+The image sensor: from light on its pixels to raw values, and back to light in three channels. The model is that of EMVA
+Standard 1288, release 4.0, chapter 2: a raw value y has the mean K (mu_p + mu_d) and the variance K^2 sigma_d^2 + K^2
+mu_p + 1 / 12, with mu_p electrons of light, whose number has a Poisson distribution, read noise of sigma_d electrons,
+and a system gain of K per electron. The Poisson distribution is replaced by the normal one of the same variance; their
+skewness differs by 1 / sqrt(mu_p).
+"""
 
 from functools import cache
 from typing import Final

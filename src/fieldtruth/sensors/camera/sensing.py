@@ -1,6 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ideal camera: photograph, labels and depth come from the same ray through each pixel's centre."""
+"""The camera: photograph, labels and depth come from the same ray through each pixel's centre.
+
+Of a real one, labels, instances and depth are those of an ideal one at the stamp; the light of the photograph is
+collected while the shutter is open, behind drops and dust, with exposure and white balance from small metering images.
+
+Single drops of rain and flakes of snow before a camera, which fall while the shutter is open. Garg and Nayar, "Vision
+and Rain" (Int. J. Computer Vision 75, 2007): a drop is before a pixel for a part of the exposure only, so its streak is
+as long as it falls in that time, and the more transparent the longer it is; it has the mean light of all that it
+refracts, 165 deg of the scene, of which 94 % pass. Its size is distributed as extinction and LiDARs have it
+(``sense.air``). What is smaller or farther than what is drawn is part of the air's extinction.
+
+Drops of water and specks of dust on the glass before a lens, which is focused far behind them. A drop is a strong lens
+of its own: it shows the scene upside down and small (Roser and Geiger, "Video-based raindrop detection for improved
+image registration", ICCV Workshops 2009), out of focus here, and darker towards its rim. Sizes, speeds and lives of
+drops are our choice. All depend on the view, the seed and the stamp, not on photographs before.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of a GNSS receiver."""
+"""Configuration of a GNSS receiver, and the figures of its signal, each without effect by default."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta

@@ -1,10 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of IMUs, compared with the true motion and the mounts.
+"""Readings of IMUs against the true motion and the mounts, and those of real IMUs against the ideal ones beside them.
 
-They have no noise and follow from the true motion by formulas, so that the residual is rounding: 1e-13 m/s^2, the last
-digit of a velocity, over a millisecond. Means are compared where the motion of their interval is kept, which is four
-seconds.
+Ideal ones have no noise and follow from the true motion by formulas, so that the residual is rounding: 1e-13 m/s^2, the
+last digit of a velocity, over a millisecond. Means are compared where the motion of their interval is kept, which is
+four seconds.
+
+Of real ones, what is random is compared with its law, within five standard deviations of the statistic. From the
+readings of a triad, a matrix and a constant are fitted to the true ones by least squares; what remains is bias walk and
+noise. Differences of successive remainders are noise alone, as the walk of one step is far smaller.
 """
 
 import math

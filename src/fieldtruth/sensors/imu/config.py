@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of an inertial measurement unit."""
+"""Configuration of an inertial measurement unit, and the noise, bias, scale, range and resolution of a real one.
+
+Figures have the names of Kalibr where it has one (its wiki, "IMU Noise Model"); the processes are those of IEEE Std
+952, annex C. ``sensing.py`` states the formulas.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal

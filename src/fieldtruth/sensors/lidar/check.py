@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds: layout, labels and rays of every point; and the cloud that the LiDAR measures in the rebuilt world."""
+"""Clouds: layout, labels and rays of every point; and the cloud that the LiDAR measures in the rebuilt world.
+
+Points of LiDARs as checks compare them: those of an ideal cloud, a value for each ray, and the law of their noise. The
+noise is not made again: what the rebuilt world's surfaces send back gives the signal that is expected of each ray, and
+the signal's figures give the deviation of its range and the probability that it returns.
+"""
 
 import threading
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the LiDAR; defaults from the paper's Tables 1, 2 and 5."""
+"""Configuration of a LiDAR, by default the paper's (Tables 1, 2 and 5), and the figures of a real one."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, Self

@@ -1,6 +1,36 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The LiDAR: a rotating multi-beam scanner that labels every return with class and instance id."""
+"""The LiDAR: rays, what they meet, and what an ideal or a real receiver makes of it.
+
+Every return has class and instance id. Patterns, timing and figures need no ray tracer.
+
+Rays of LiDARs whose pattern does not repeat from scan to scan; without the ray tracer. Livox publishes no formulas.
+These have the fields of view, lines and rates of the data sheets and depend on the time alone, so that the scans of a
+LiDAR at rest fill its field of view: the Avia's repeat after 30 s, the Mid-360's never.
+
+Echoes of a beam that has a width: several rays stand for it, and what they meet within a pulse merges. A beam's
+irradiance is a Gaussian of the angle, exp(-r^2 / 2 s^2) with s = FWHM / sqrt(8 ln 2). One ray in its middle with half
+of the power, and the others in a ring of radius 2 s with the rest, have its moments up to the fifth degree with six
+rays in the ring (Stroud 1971, Approximate calculation of multiple integrals, E2-r2 5-1), and its second and fourth
+radial ones with any number. The ring is turned from beam to beam, so that two rays in it see no direction more than
+others.
+
+An echo begins with the nearest ray that is left, and takes all within ``pulse_length``. Its power is their sum and its
+range their mean by power, where the peak of a waveform is that has not separated (Wagner and others 2006, ISPRS Journal
+60, 100-112). Class and id are those of the object with most of its power.
+
+From echoes to readings: photons that are counted, pulses that return, and the noise of range and angles. Power falls as
+P = P0 D^2 sigma eta exp(-2 alpha R) / (16 A R^2) with sigma = 4 pi rho cos(theta) A of a surface that fills the beam
+(Carlsson 2000, FOI-R-1163; Wagner 2010, ISPRS Journal 65, 505-513). Aperture, optics and laser are one constant, which
+the ``reach`` of the data sheet gives: signal = signal_at_reach (rho_a / R^2) / (rho_0 / R_0^2).
+
+The signal counts photons, so its variance is its mean (Poisson; normal here, at 12 photons and more). A real OS1-64 of
+generation 1 (RELLIS-3D, frame 000104) agrees: on concrete the deviation of the signal is 4.0 at 25, 5.4 at 44 and 7.5
+at 88 photons, the weakest returns have 11 to 14, and grass at 4 to 8 m reads 7.4 % where its reflectance of 50 % under
+an incidence of 81 deg gives 8 %.
+
+How bright the ground below snow looks to a LiDAR; on what stands there, snow does not count.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cache

@@ -5,6 +5,8 @@
 Wheel odometry is compared with the angles from which it is integrated, not with the true motion: its slip is real.
 Tachometers are compared with the true motion. Wheels slip: up to 0.12 m/s and 0.18 rad/s were measured on rough ground
 over drives of 268 and 515 s, and twice as much is tolerated.
+
+Readings of real encoders are compared with the ideal ones beside them: laws within five standard deviations.
 """
 
 import math

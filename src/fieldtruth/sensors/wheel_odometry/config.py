@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
+"""Configuration of wheel odometry: encoders, what the robot's driver computes from them, and figures of real ones.
+
+``sensing.py`` states what the figures do to angles, speeds and odometry.
+"""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Final, Literal
