@@ -3,8 +3,8 @@
 """Light and weather of an experiment: where the sun is, what clouds there are, and what is in the air.
 
 The sun's azimuth and elevation are right within 0.02 deg from 1950 to 2050: Meeus, Astronomical Algorithms (2nd
-edition, 1998), chapters 7, 12, 13 and 25 (low accuracy), and the refraction of Bennett (1982, Journal of Navigation 35) in the
-form of Saemundsson, which the book gives in chapter 16.
+edition, 1998), chapters 7, 12, 13 and 25 (low accuracy), and the refraction of Bennett (1982, Journal of Navigation 35)
+in the form of Saemundsson, which the book gives in chapter 16.
 """
 
 import datetime
