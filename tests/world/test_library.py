@@ -15,7 +15,7 @@ import yaml
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import world_key
-from fieldtruth.world.library import data_files
+from fieldtruth.world.library import SHARED, data_files
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_snag, grow_tree
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
@@ -143,7 +143,7 @@ def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:
     for path in data_files():
         assert path.read_text().startswith("# ")
         if path.parent.name == "materials":
-            assert set(yaml.safe_load(path.read_text())) <= {"materials", "textures", "seasons"}
+            assert set(yaml.safe_load(path.read_text())) <= set(SHARED)
         else:
             assert path.stem in folders[path.parent.name]
     mappings: list[Mapping[str, object]] = [*folders.values(), MATERIALS, TEXTURES]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a filled builder and its terrain to a world: instance ids, and the materials and textures that are used."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -43,8 +43,7 @@ def assemble(
         meshes |= {mesh.name: mesh for mesh in own}
     first = GROUND_ID + 1 + len(builder.instances)
     swarms = [replace(s, object_id=first + k) for k, s in enumerate([*builder.swarms, *(s for s, _ in further)])]
-    used = {n for mesh in (*meshes.values(), backdrop) for n in mesh.materials}
-    used |= {*terrain.ground_materials, terrain.trail_material, terrain.border_material}
+    used = used_materials(terrain, (*meshes.values(), backdrop))
     materials = {n: material for n, material in MATERIALS.items() if n in used}
     return World(
         name=name,
@@ -63,8 +62,6 @@ def assemble(
 
 
 _Keep = Callable[[Mesh, Array], str | None]
-
-
 """Name of the part of a mesh at a pose (4, 4) that is inside the edge; None: no part is."""
 
 
@@ -86,20 +83,31 @@ def cut_at_edge(world: World) -> World:
     instances = tuple(_cut_instance(world, instance, keep) for instance in world.instances)
     swarms = tuple(s for swarm in world.swarms if len((s := _cut_swarm(world, swarm, half, keep)).mesh))
     first = len(world.object_names) - len(world.swarms)
-    ground = world.terrain
-    used = {n for mesh in meshes.values() for n in mesh.materials}
-    used |= {*ground.ground_materials, ground.trail_material, ground.border_material}
-    materials = {name: material for name, material in world.materials.items() if name in used}
-    textures = {name for material in materials.values() for name in material.images}
-    return replace(
+    cut = replace(
         world,
         meshes=meshes,
         instances=instances,
         swarms=tuple(replace(swarm, object_id=first + k) for k, swarm in enumerate(swarms)),
-        materials=materials,
-        textures={name: image for name, image in world.textures.items() if name in textures},
         backdrop=None,
         object_names=(*world.object_names[:first], *(swarm.name for swarm in swarms)),
+    )
+    return tidied(cut)
+
+
+def used_materials(terrain: Terrain, meshes: Iterable[Mesh]) -> set[str]:
+    """Names of the materials that a terrain or a mesh has."""
+    ground = {*terrain.ground_materials, terrain.trail_material, terrain.border_material}
+    return ground.union(*(mesh.materials for mesh in meshes))
+
+
+def tidied(world: World) -> World:
+    """The world without materials and textures that nothing has."""
+    backdrop = () if world.backdrop is None else (world.backdrop,)
+    used = used_materials(world.terrain, (*world.meshes.values(), *backdrop))
+    materials = {name: material for name, material in world.materials.items() if name in used}
+    textures = {name for material in materials.values() for name in material.images}
+    return replace(
+        world, materials=materials, textures={name: image for name, image in world.textures.items() if name in textures}
     )
 
 

@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.model import Heightfield, Mesh, make_mesh
 from fieldtruth.world.placement import (
     Density,
     FarSwarm,
@@ -252,14 +252,8 @@ def _with_materials(vertices: Array, normals: Array, faces: Index, rows: Index, 
     order, share = np.concatenate(parts), np.concatenate(shares)
     repeat = np.array([MATERIALS[n].repeat for n in names])[share]
     upright = np.array([MATERIALS[n].label == Label.TREETOP for n in names])[share]
-    return Mesh(
-        name="backdrop",
-        vertices=vertices[order].astype(np.float32),
-        normals=normals[order].astype(np.float32),
-        uv=_laid_out(vertices[order], repeat, upright).astype(np.float32),
-        faces=moved.astype(np.int32),
-        material=rows.astype(np.int32),
-        materials=names,
+    return make_mesh(
+        "backdrop", vertices[order], normals[order], _laid_out(vertices[order], repeat, upright), moved, names, rows
     )
 
 

@@ -24,8 +24,6 @@ from fieldtruth.world.solids import (
 )
 
 WIDTH = 1.7  # [m]
-
-
 SUNK = 0.08  # [m] depth of feet and bases in the ground
 
 
@@ -177,8 +175,7 @@ def _lantern(z: float) -> list[Mesh]:
         foot, head = (np.array([r * np.cos(turn), r * np.sin(turn)]) for r in (low, high))
         bar = make_tube("lamp_iron", [(*foot, z + 0.02), (*head, z + tall - 0.01)], 0.012, sides=8)
         stay = rounded(
-            [(0.045 * np.cos(turn), 0.045 * np.sin(turn), z - 0.12), (*(0.9 * foot), z - 0.09), (*foot, z + 0.01)],
-            0.08,
+            [(0.045 * np.cos(turn), 0.045 * np.sin(turn), z - 0.12), (*(0.9 * foot), z - 0.09), (*foot, z + 0.01)], 0.08
         )
         parts += [bar, make_tube("lamp_iron", stay, 0.009, sides=8)]
     return parts

@@ -17,20 +17,12 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.model import Heightfield, Raster
 
 BUILT_IN: Final = (100.0, 50.0)
-
-
 """Length and width [m] of the built-in worlds, for which the default counts are."""
 
-
 FINE_AREA: Final = 40_000.0
-
-
 """Area [m^2] up to which grids have their full resolution: 16 million nodes of the terrain."""
 
-
 COVER: Final = 0.1
-
-
 """Spacing [m] of the grid of a world's cover at full resolution."""
 
 
@@ -106,11 +98,7 @@ def noise_map(
 
 
 _STEP = 0.05  # [m] between the points of a line
-
-
 _FEW = 1000  # positions for which starting threads takes longer than the search
-
-
 _LINES = 8  # more trails than these are searched together
 
 

@@ -14,29 +14,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.materials import MATERIALS
+from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.world.library import Entry, Section, validated
+from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
 from fieldtruth.world.placement import WorldBuilder, jittered_grid, random_tints, rotations_to, upright_poses
 from fieldtruth.world.plants.grasses import discs, kites, spindles
 from fieldtruth.world.plants.growth import Surface, merged, unit
 
 Shape = Callable[[Array, Array, np.random.Generator], Surface]
-
-
 """Surface of n objects at foots (n, 3) [m] on level ground with sizes (n,) [m], their greatest extent."""
 
-
 _GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
-
-
 _BALL: Final = unit(
     np.array([[s * a, t * b, 0.0] for a, b in ((1.0, _GOLDEN),) for s in (-1, 1) for t in (-1, 1)])[:, [0, 1, 2]]
 )
-
-
 _CORNERS: Final = np.concatenate([_BALL, np.roll(_BALL, 1, axis=1), np.roll(_BALL, 2, axis=1)])
-
-
 """Corners (12, 3) of an icosahedron."""
 
 
@@ -186,53 +179,26 @@ def _gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int
 SHAPES: Final[Mapping[str, Shape]] = {
     each.__name__: each for each in (leaves, blades, stems, flakes, clover, flowers, twigs, stones, cones)
 }
-
-
 VARIANTS: Final = 6
-
-
 """Patches of each cover; with four quarter turns each is seen in 24 poses."""
 
-
 NEAR: Final = 5.0
-
-
 """Distance [m] from a trail or a corridor within which there are most patches."""
 
-
 FAR_SHARE: Final = 0.25
-
-
 """Share of the patches that remains far from them."""
 
-
 MOST_AREA: Final = 20_000.0
-
-
 """Area [m^2] of a world from which the number of patches stops growing."""
 
-
 UNDER_TREES: Final = 3.0
-
-
 """Distance [m] from a trunk over which fallen leaves become few."""
 
-
 _TREE: Final = 2.5  # [m] least height
-
-
 _AT_EDGE: Final = 0.3  # [m] from a trail's edge
-
-
 _TINT: Final = 0.13
-
-
 _SCALE: Final = 0.2  # greatest logarithm of a patch's scale
-
-
 _SAMPLES: Final = 12  # of the surface below a patch
-
-
 _BEARING: Final = 0.75
 
 
@@ -256,75 +222,23 @@ class Cover:
     where: Literal["everywhere", "under trees", "at edges"] = "everywhere"
 
 
-_LEAVES: Final = (Item("leaves", "leaf", (0.025, 0.1), 24.0), Item("leaves", "leaf_grey", (0.025, 0.07), 14.0))
+def _covers(name: str, entry: Entry, source: str) -> tuple[Cover, ...]:
+    if name not in GROUND_TYPES:
+        raise ConfigurationError(f"{source}: unknown ground type {name!r}; {suggestion(name, GROUND_TYPES)}")
+    patches = entry.get("patches")
+    if not isinstance(patches, list) or len(entry) > 1:
+        raise ConfigurationError(f"{source} must have one key, patches, a list, got {entry!r}")
+    covers = tuple(validated(Cover, each, f"{source}.patches[{k}]") for k, each in enumerate(patches))
+    for item in (item for cover in covers for item in cover.items):
+        if item.shape not in SHAPES:
+            raise ConfigurationError(f"{source}: unknown shape {item.shape!r}; {suggestion(item.shape, SHAPES)}")
+        if not {f"litter_{item.material}", f"trail_{item.material}"} & set(MATERIALS):
+            raise ConfigurationError(f"{source}: no material litter_{item.material} or trail_{item.material}")
+    return covers
 
 
-_TWIGS: Final = Item("twigs", "twig", (0.05, 0.3), 7.0)
-
-
-_FLOOR: Final = (
-    *_LEAVES, _TWIGS, Item("stems", "straw", (0.03, 0.09), 30.0),
-    Item("cones", "cone", (0.03, 0.09), 2.0), Item("flakes", "bark", (0.02, 0.08), 9.0),
-)  # fmt: skip
-
-
-_FALLEN: Final = Cover(5.0, (*_LEAVES, Item("twigs", "twig", (0.05, 0.2), 4.0)), where="under trees")
-
-
-_TUFTS: Final = (Item("blades", "blade", (0.035, 0.1), 26.0), Item("blades", "straw", (0.03, 0.09), 12.0))
-
-
-_GRAVEL: Final = Item("stones", "stone", (0.006, 0.035), 55.0)
-
-
-LITTER_BY_GROUND: Final[Mapping[str, tuple[Cover, ...]]] = {
-    "lawn": (
-        Cover(
-            3.0,
-            (*_TUFTS, Item("clover", "clover", (0.008, 0.014), 22.0), Item("flowers", "daisy", (0.01, 0.02), 1.0)),
-        ),
-        _FALLEN,
-    ),
-    "leaf_litter": (Cover(3.6, _FLOOR),),
-    "dry_grass": (Cover(3.0, (*_TUFTS, Item("stems", "straw", (0.05, 0.16), 30.0))), _FALLEN),
-    "meadow": (Cover(3.0, (*_TUFTS, Item("stems", "straw", (0.05, 0.2), 24.0))), _FALLEN),
-    "forest_floor": (Cover(4.0, _FLOOR),),
-    "moss": (Cover(2.4, (*_LEAVES, _TWIGS, Item("flakes", "bark", (0.02, 0.06), 6.0))),),
-    "mulch": (Cover(3.0, (Item("flakes", "bark", (0.02, 0.07), 70.0), _TWIGS)),),
-    "earth": (
-        Cover(2.4, (Item("stones", "stone", (0.006, 0.03), 30.0), Item("stems", "straw", (0.03, 0.1), 12.0))),
-        _FALLEN,
-    ),
-    "pebbles": (
-        Cover(3.6, (Item("stones", "stone", (0.008, 0.06), 80.0), Item("twigs", "driftwood", (0.06, 0.35), 3.0))),
-    ),
-    "mud": (Cover(0.5, (Item("stones", "stone", (0.008, 0.03), 14.0), Item("twigs", "driftwood", (0.05, 0.3), 5.0))),),
-    "dry_turf": (
-        Cover(2.6, (Item("blades", "straw", (0.03, 0.09), 30.0), Item("stems", "straw", (0.05, 0.18), 25.0), _GRAVEL)),
-    ),
-    "stony_soil": (Cover(3.0, (_GRAVEL, Item("stems", "straw", (0.04, 0.14), 14.0))),),
-    "scree": (Cover(1.6, (Item("stones", "stone", (0.01, 0.06), 60.0),)),),
-    "gravel": (
-        Cover(3.0, (_GRAVEL, Item("leaves", "leaf", (0.025, 0.08), 5.0))),
-        Cover(5.0, (Item("stones", "stone", (0.006, 0.03), 90.0), *_LEAVES), 0.12, "at edges"),
-    ),
-    "trodden_earth": (
-        Cover(
-            3.0,
-            (
-                Item("stones", "stone", (0.006, 0.04), 26.0),
-                Item("stems", "straw", (0.03, 0.08), 22.0),
-                Item("leaves", "leaf", (0.025, 0.09), 26.0),
-                Item("leaves", "leaf_grey", (0.02, 0.06), 14.0),
-                Item("twigs", "twig", (0.03, 0.15), 4.0),
-            ),
-        ),
-        Cover(8.0, (*_LEAVES, Item("twigs", "twig", (0.04, 0.2), 9.0)), 0.12, "at edges"),
-    ),
-}
-
-
-"""Covers by ground type. Ground of other types, paving and rock, is bare."""
+LITTER_BY_GROUND: Final = Section("litter", _covers)
+"""Covers by ground type, from the ``litter`` sections of the data files; ground of other types is bare."""
 
 
 def scatter_litter(
@@ -371,12 +285,7 @@ def _patch(name: str, cover: Cover, rng: np.random.Generator, *, on_trail: bool)
 
 
 def _positions(
-    builder: WorldBuilder,
-    terrain: Terrain,
-    cover: Cover,
-    share: Array | None,
-    amount: float,
-    rng: np.random.Generator,
+    builder: WorldBuilder, terrain: Terrain, cover: Cover, share: Array | None, amount: float, rng: np.random.Generator
 ) -> Array:
     """Positions (n, 2) [m] of patches on ground of which ``share`` (materials,) is the type; None: on trails."""
     trees = _trees(builder) if cover.where == "under trees" else None

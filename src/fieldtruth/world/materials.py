@@ -17,14 +17,9 @@ from fieldtruth.world.model import Material
 from fieldtruth.world.textures import TEXTURES
 
 REFERENCE_FREQUENCY: Final = 0.1
-
-
 """Spatial frequency n0 [cycles/m] of ISO 8608."""
 
-
 ISO_CLASSES: Final[Mapping[str, float]] = {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
-
-
 """Unevenness Gd(n0) [m^3], the geometric mean of each class."""
 
 
@@ -84,8 +79,6 @@ GROUND_TYPES: Final[Mapping[str, GroundType]] = {
         _ground_type("rock", "F"),
     )
 }
-
-
 """Every ground type by name; ``Material.ground_type`` refers to it."""
 
 
@@ -107,8 +100,6 @@ _FIRST: Final = """
     petal_daisy petal_buttercup petal_yarrow spike_cattail
     rock_granite rock_limestone rock_fieldstone rock_schist
 """
-
-
 """Row order in stored worlds. It keeps existing worlds the same bytes; materials that are not listed follow."""
 
 
@@ -129,6 +120,4 @@ def _material(name: str, entry: Entry, source: str) -> Material:
 
 
 MATERIALS: Final = Section("materials", _material, tuple(_FIRST.split()))
-
-
 """Every material; a world holds those that it uses."""

@@ -21,22 +21,13 @@ from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 
 GREY: Final = (0.3, 0.3, 0.3)
-
-
 """Colour of meshes without one."""
 
-
 FARTHEST: Final = 10_000.0
-
-
 """Distance [m] of vertices from the origin along each axis at most: a position there is single precision, 1 mm."""
 
-
 TAKEN: Final = ("husky", "meshes_ground")
-
-
 """Names of the robot and of the ground, instance ids 0 and 1."""
-
 
 _CLASSES: Final = {
     name.replace(" ", "_").lower(): each.label
@@ -183,28 +174,16 @@ def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Arr
 
 
 ROBOT_ID: Final = 0
-
-
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
 
-
 LITTER: Final = "litter"
-
-
 """Kind of the swarms of what lies loose on the ground: it bears no wheel."""
 
-
 WIDE_IDS: Final = 1 << 16
-
-
 """Instance ids from here on do not fit into 16 bits."""
 
-
 _AROUND: Final = 10.0
-
-
 """[m] of ground around a user's meshes."""
-
 
 _WATER_MIRROR: Final = 0.02
 
@@ -283,6 +262,30 @@ class Mesh:
     """Names of the species, or of the rock type, that it was made from; empty for furniture."""
     axis: NDArray[np.float32] | None = None
     """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
+
+
+def make_mesh(
+    name: str,
+    vertices: ArrayLike,
+    normals: ArrayLike,
+    uv: ArrayLike,
+    faces: ArrayLike,
+    materials: Sequence[str],
+    rows: ArrayLike | None = None,
+    **others: Any,
+) -> Mesh:
+    """Mesh of numbers of any precision, in arrays of any shape; ``rows`` (f,) of ``materials`` by face, default 0."""
+    triangles = np.asarray(faces, np.int32).reshape(-1, 3)
+    return Mesh(
+        name=name,
+        vertices=np.asarray(vertices, np.float32).reshape(-1, 3),
+        normals=np.asarray(normals, np.float32).reshape(-1, 3),
+        uv=np.asarray(uv, np.float32).reshape(-1, 2),
+        faces=triangles,
+        material=np.zeros(len(triangles), np.int32) if rows is None else np.asarray(rows, np.int32),
+        materials=tuple(materials),
+        **others,
+    )
 
 
 def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
@@ -523,15 +526,10 @@ def _object(
     normals = np.where(length > 0, across / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
     own = [_plain(materials, part.label, part.colour) for part in parts]
     names, count = tuple(dict.fromkeys(own)), 3 * len(corners)
-    mesh = Mesh(
-        name=name,
-        vertices=corners.reshape(-1, 3).astype(np.float32),
-        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
-        uv=np.zeros((count, 2), np.float32),
-        faces=np.arange(count, dtype=np.int32).reshape(-1, 3),
-        material=np.repeat([names.index(n) for n in own], [len(part.corners) for part in parts]).astype(np.int32),
-        materials=names,
+    mesh = make_mesh(
+        name, corners, np.repeat(normals, 3, axis=0), np.zeros((count, 2)), np.arange(count), names,
+        np.repeat([names.index(n) for n in own], [len(part.corners) for part in parts]),
         footprint=float(np.hypot(*(high - low)[:2])) / 2,
-    )
+    )  # fmt: skip
     kind = parts[0].label.name.lower()
     return mesh, Instance(name=name, kind=kind, mesh=name, object_id=object_id, world_from_object=pose)

@@ -101,14 +101,9 @@ def random_tints(rng: np.random.Generator, spread: float, count: int) -> Float32
 
 
 Density = Callable[[Array], Array]
-
-
 """Share [0, 1] of the objects that are kept at positions (n, 2)."""
 
-
 FarSwarm = tuple[Swarm, Sequence[Mesh]]
-
-
 """A swarm outside the world's edge, with its meshes."""
 
 
@@ -183,14 +178,9 @@ def make_swarm(
 
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
-
-
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
 
-
 Attempt = Callable[[Array, int, bool], Instance | None]
-
-
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
 
@@ -360,12 +350,7 @@ class WorldBuilder:
         return self.add(kind, mesh, pose, [(x, y, radius)], tint=tint)
 
     def scatter(
-        self,
-        group: ObjectGroup,
-        rng: np.random.Generator,
-        allowed: Callable[[Array], Mask],
-        *,
-        tries: int = 4000,
+        self, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask], *, tries: int = 4000
     ) -> list[Instance]:
         """Scatter upright objects where ``allowed`` is true for positions (n, 2).
 

@@ -19,20 +19,11 @@ from fieldtruth.world.model import Collider, Mesh, merge_meshes
 from fieldtruth.world.solids import check_variant, make_box, make_lathe, make_tube, placed, rounded
 
 SUNK: Final = 1.6
-
-
 """Depth [m] of the pole in the soil: a tenth of the length and 0.6 m, the usual rule."""
 
-
 _COLLIDER_TOP: Final = 3.0  # [m] above the ground
-
-
 _ARM: Final = 0.86  # [m] from the pole's middle to the outer insulators
-
-
 _SADDLE: Final = 0.166  # [m] from the base of an insulator to the axis of the wire in its groove
-
-
 _PIN: Final = 0.1  # [m] of steel between the cross-arm and an insulator
 
 
@@ -159,22 +150,13 @@ def _plate(radius: float) -> list[Mesh]:
 
 
 CONDUCTOR_RADIUS: Final = 0.0068
-
-
 """Radius [m] of a conductor 94-AL1/15-ST1A with 13.6 mm diameter (EN 50182)."""
 
-
 BUNDLE_RADIUS: Final = 0.012
-
-
 """Radius [m] of a twisted bundle of insulated low-voltage conductors."""
 
-
 CHORD_ERROR: Final = 0.001
-
-
 """Greatest distance [m] between the curve and a segment of the tube."""
-
 
 _STEEPEST: Final = 20.0  # half the span over the parameter; a wire 10^7 times as long as its span
 

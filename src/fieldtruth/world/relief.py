@@ -138,8 +138,6 @@ def pits_and_mounds(x: Array, y: Array, positions: ArrayLike, rng: np.random.Gen
 
 
 STEP: Final = 0.04
-
-
 """Distance [m] between the points of a root."""
 
 
@@ -194,20 +192,12 @@ def _ridges(dx: Array, dy: Array, points: Array) -> Array:
 
 
 BAND: Final = (0.125, 10.0)
-
-
 """Lowest and highest spatial frequency [cycles/m]: 8 m, above which are the environment's own hills, to 0.1 m."""
 
-
 SPACING: Final = 0.05
-
-
 """Distance [m] between the nodes of the microrelief: two to the shortest wave."""
 
-
 Axes = tuple[Array, Array]
-
-
 """Coordinates [m] along x and along y of a grid's nodes."""
 
 
@@ -224,11 +214,7 @@ def relief_spacing(x: Array, y: Array) -> float:
 
 
 def with_microrelief(
-    hills: Array,
-    coarse: Axes,
-    fine: Axes,
-    cover: Sequence[tuple[Roughness, ArrayLike]],
-    rng: np.random.Generator,
+    hills: Array, coarse: Axes, fine: Axes, cover: Sequence[tuple[Roughness, ArrayLike]], rng: np.random.Generator
 ) -> Array:
     """Heights [m] at the nodes of axes ``fine``: a cubic spline through ``hills`` at those of ``coarse``, and relief.
 
@@ -266,8 +252,6 @@ def shaped(white: Float32Array, spacing: float, waviness: float) -> Float32Array
 
 
 EDGE: Final = 0.12
-
-
 """Distance [m] from a trail's edge, or from its border, at which the layer has its full height."""
 
 
@@ -286,7 +270,7 @@ def with_layer(terrain: Terrain, rng: np.random.Generator) -> Terrain:
             for values in ([layer.mean for layer in own], [layer.deviation for layer in own])
         )
         height += mean + deviation * _noise(terrain, correlation, rng)
-    # A half-precision number, 15 um fine at 3 cm, is what a stored world keeps.
+    # Rounded to half precision, 15 um at 3 cm: all that is written with fewer digits keeps it.
     return replace(terrain, layer=np.maximum(height, 0.0).astype(np.float16).astype(np.float32))
 
 

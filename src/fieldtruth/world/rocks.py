@@ -21,7 +21,7 @@ from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
 from fieldtruth.world.grids import solid_noise
 from fieldtruth.world.library import Entry, Library, validated
-from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh
+from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh, make_mesh
 from fieldtruth.world.placement import (
     Density,
     ObjectGroup,
@@ -34,8 +34,6 @@ from fieldtruth.world.placement import (
 )
 
 _SNAP: Final = 0.4
-
-
 """Distance, in sides of a triangle, within which vertices move onto an edge, so that edges are not jagged."""
 
 
@@ -168,8 +166,6 @@ def welded(
 
 
 TEXTURE_LENGTH: Final = 1.2
-
-
 """Length [m] of one repeat of a rock's texture."""
 
 
@@ -196,8 +192,6 @@ def _rock_type(name: str, content: Entry, path: Path) -> RockType:
 
 
 ROCK_TYPES: Final = Library("rocks", _rock_type, lambda rock_type: [rock_type.material])
-
-
 """Rock types by name, one data file each."""
 
 
@@ -228,18 +222,10 @@ def make_rock(
     smooth = corner_normals(vertices, faces, 89.0).mean(axis=1)
     uv, axis = box_uv(vertices, faces, smooth, rng.uniform(0, 8, (3, 2)))
     skin = welded(vertices, faces, normals, uv / TEXTURE_LENGTH, axis)
-    return Mesh(
-        name=name,
-        vertices=skin[0].astype(np.float32),
-        normals=skin[1].astype(np.float32),
-        uv=skin[2].astype(np.float32),
-        faces=skin[3],
-        material=np.zeros(len(faces), np.int32),
-        materials=(rock_type.material,),
-        colliders=(_collider(visible, -depth / 2),) if solid else (),
-        footprint=float(np.hypot(visible[:, 0], visible[:, 1]).max()),
-        species=(rock_type.name,),
-    )
+    return make_mesh(
+        name, *skin, (rock_type.material,), colliders=(_collider(visible, -depth / 2),) if solid else (),
+        footprint=float(np.hypot(visible[:, 0], visible[:, 1]).max()), species=(rock_type.name,),
+    )  # fmt: skip
 
 
 def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, Index]:
@@ -300,14 +286,9 @@ def _collider(visible: Array, foot: float) -> Collider:
 
 
 LEAN: Final = 0.75
-
-
 """Slope of a rock relative to that of the ground."""
 
-
 BED: Final = 0.03
-
-
 """Least depth of a rock's rim in the ground [m], per square root of its radius [m]."""
 
 

@@ -3,6 +3,7 @@
 """Polylines and polygons: rounded corners, bars of a given thickness, triangulation."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.model import Mesh, merge_meshes
+from fieldtruth.world.model import Mesh, make_mesh, merge_meshes
 
 
 def rounded(path: ArrayLike, radius: float, *, steps: int = 5) -> Array:
@@ -96,14 +97,9 @@ def path_length(path: Array) -> float:
 
 
 TILE: Final = 0.5
-
-
 """Size [m] of one repeat of a furniture texture, along u and v."""
 
-
 CREASE_DEG: Final = 40.0
-
-
 """Angle [deg] up to which adjacent sides share normals, so that the surface looks round; above it, edges are sharp."""
 
 
@@ -115,32 +111,19 @@ def check_variant(kind: str, variant: int, count: int) -> None:
 
 def make_part(material: str, vertices: ArrayLike, normals: ArrayLike, uv: ArrayLike, faces: ArrayLike) -> Mesh:
     """Mesh of one material from (v, 3) vertices [m], (v, 3) normals of any length, (v, 2) uv [m] and (f, 3) faces."""
-    directions = np.asarray(normals, np.float64)
-    triangles = np.asarray(faces, np.int32)
-    return Mesh(
-        name="part",
-        vertices=np.asarray(vertices, np.float32),
-        normals=(directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32),
-        uv=(np.asarray(uv, np.float64) / TILE).astype(np.float32),
-        faces=triangles,
-        material=np.zeros(len(triangles), np.int32),
-        materials=(material,),
-        footprint=0.0,
-    )
+    facing = np.asarray(normals, np.float64)
+    facing = facing / np.linalg.norm(facing, axis=1, keepdims=True)
+    return make_mesh("part", vertices, facing, np.asarray(uv, np.float64) / TILE, faces, (material,), footprint=0.0)
 
 
 def placed(part: Mesh, object_from_part: Array, *, uv_shift: tuple[float, float] = (0.0, 0.0)) -> Mesh:
     """The part moved by a rigid (4, 4) transform; ``uv_shift`` [repeats] makes equal planks look different."""
     rotation, translation = object_from_part[:3, :3], object_from_part[:3, 3]
-    return Mesh(
-        name=part.name,
+    return replace(
+        part,
         vertices=(part.vertices @ rotation.T + translation).astype(np.float32),
         normals=(part.normals @ rotation.T).astype(np.float32),
         uv=(part.uv + np.array(uv_shift)).astype(np.float32),
-        faces=part.faces,
-        material=part.material,
-        materials=part.materials,
-        footprint=part.footprint,
     )
 
 

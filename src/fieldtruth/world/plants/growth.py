@@ -16,15 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
-from fieldtruth.world.model import Collider, Mesh
+from fieldtruth.world.model import Collider, Mesh, make_mesh
 from fieldtruth.world.plants.species import Habit, Order, outline_ratio
 
 TIP_RADIUS: Final = 0.0015  # [m]
-
-
 ROOT_DEPTH: Final = 0.2  # [m] of stems in the soil
-
-
 JOINT_RATIO: Final = 0.85  # largest radius of a stem relative to its parent's where it sprouts
 
 
@@ -197,12 +193,7 @@ def spread_along(
 
 
 def sideways(
-    tangent: Array,
-    parent: Index,
-    rank: Index,
-    divergence: float,
-    spread: float,
-    rng: np.random.Generator,
+    tangent: Array, parent: Index, rank: Index, divergence: float, spread: float, rng: np.random.Generator
 ) -> Array:
     """Unit vectors (m, 3) across the ``tangent``, ``divergence`` [deg] per rank; 180: in a horizontal plane."""
     across = np.cross(tangent, [0.0, 0.0, 1.0])
@@ -216,12 +207,7 @@ def sideways(
 
 
 def _directions(
-    tangent: Array,
-    parent: Index,
-    rank: Index,
-    depth: Array,
-    order: Order,
-    rng: np.random.Generator,
+    tangent: Array, parent: Index, rank: Index, depth: Array, order: Order, rng: np.random.Generator
 ) -> Array:
     """Initial unit directions of shoots."""
     side = sideways(tangent, parent, rank, order.divergence, order.divergence_spread, rng)
@@ -287,11 +273,7 @@ def _sheared(orders: list[Stems], radius: float, height: float, rng: np.random.G
 
 
 BARK_REPEAT: Final = 0.6  # [m] of bark per repeat of the texture on thick stems
-
-
 SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around is smaller than this
-
-
 Surface = tuple[Array, Array, Array, NDArray[np.int32]]
 
 
@@ -307,18 +289,10 @@ def merged(
 ) -> Mesh:
     """One mesh of several surfaces; ``rows`` (f,) are the rows of ``materials`` of all faces, surface by surface."""
     offsets = np.cumsum([0, *(len(s[0]) for s in surfaces[:-1])])
-    vertices, normals, uv = (np.concatenate([s[k] for s in surfaces]).astype(np.float32) for k in range(3))
-    return Mesh(
-        name=name,
-        vertices=vertices,
-        normals=normals,
-        uv=uv,
-        faces=np.concatenate([s[3] + np.int32(o) for s, o in zip(surfaces, offsets, strict=True)]),
-        material=rows.astype(np.int32),
-        materials=tuple(materials),
-        colliders=colliders,
-        footprint=footprint,
-        species=species,
+    vertices, normals, uv = (np.concatenate([s[k] for s in surfaces]) for k in range(3))
+    faces = np.concatenate([s[3] + np.int32(o) for s, o in zip(surfaces, offsets, strict=True)])
+    return make_mesh(
+        name, vertices, normals, uv, faces, materials, rows, colliders=colliders, footprint=footprint, species=species
     )
 
 

@@ -21,13 +21,8 @@ from fieldtruth.world import materials  # noqa: F401  (reads the materials and t
 from fieldtruth.world.library import Entry, Library, validated
 
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
-
-
 GrownIn = Literal["open", "stand", "exposed"]
-
-
 """Where a tree grew up: in the open, in a forest stand, or on a windy, stony slope."""
-
 
 _OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
@@ -271,11 +266,7 @@ class GrassSpecies:
 
 
 SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
-
-
 FINE_LEAVES: Final = 0.45  # detail below which a leaf is a kite
-
-
 SIMPLE_LEAVES: Final = 0.2  # detail below which it is a triangle, and there are twice as many
 
 
@@ -420,18 +411,10 @@ def _grass_materials(species: GrassSpecies) -> list[str | None]:
 
 
 TREES: Final = Library("trees", _species, _materials)
-
-
 """Trees by name."""
 
-
 BUSHES: Final = Library("bushes", _species, _materials)
-
-
 """Bushes by name."""
 
-
 GRASSES: Final = Library("grasses", _grass, _grass_materials)
-
-
 """Grasses and herbs by name, class high grass."""

@@ -44,8 +44,6 @@ from fieldtruth.world.plants.species import (
 )
 
 CURL = 0.14  # mean sine of the angle by which a leaf's tip bends out of its plane
-
-
 OUTWARD_BLEND = 0.45  # weight of the outward normal in a leaf's shading normal
 
 
@@ -188,8 +186,6 @@ def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[A
 
 
 FLOWER_SIZE: Final = 0.6
-
-
 """Length of a flower relative to the leaf that it replaces."""
 
 
@@ -220,14 +216,8 @@ def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random
 
 
 WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
-
-
 LEAST_DETAIL: Final = 0.005
-
-
 LOW: Final = 1.4  # [m], height below which branches can touch a robot
-
-
 TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
 
 

@@ -16,26 +16,13 @@ from fieldtruth.world.model import Material
 from fieldtruth.world.textures import TEXTURES
 
 Rgb = tuple[float, float, float]
-
-
 Share = Annotated[float, Field(ge=0, le=1)]
-
-
 Part = tuple[Annotated[float, Field(gt=0)], Share, Share, Share]
-
-
 SUMMER: Final = "summer"
-
-
 LUSH, DRY = "lush", "dry"
-
-
 """Columns of the table that are no seasons: the colours that ``drought`` mixes in."""
 
-
 USUAL: Final = 0.5
-
-
 """``drought`` of a world whose colours it does not change."""
 
 
@@ -52,8 +39,6 @@ class Change:
 
 
 Row = Mapping[str, Change]
-
-
 """Changes of one material by season."""
 
 
@@ -64,8 +49,6 @@ def _row(name: str, entry: Entry, source: str) -> Row:
 
 
 SEASONAL: Final = Section("seasons", _row)
-
-
 """Changes by material and season. What is not named stays as in summer."""
 
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.world.assembly import tidied
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material, Mesh, Swarm, World
 from fieldtruth.world.placement import make_swarm, random_scales, upright_poses
@@ -20,16 +21,10 @@ from fieldtruth.world.seasons.snow import snowed_in
 from fieldtruth.world.textures import make_texture
 
 WHERE: Final = ("fern", "herb", "seedling")
-
-
 """Kinds of swarms beside whose members they grow."""
 
-
 NEAR: Final = 0.7
-
-
 """Standard deviation [m] of the distance along x and along y."""
-
 
 OFF_TRAIL: Final = 0.3  # [m]
 
@@ -81,7 +76,7 @@ def _changed(summer: World, table: Mapping[str, Change], season: str) -> World:
             world = _with_materials(world, laid[2])
     if season == FLOWERS_IN and (flowers := spring_flowers(world)) is not None:
         new.append(flowers)
-    return _tidied(_with_swarms(world, new))
+    return tidied(_with_swarms(world, new))
 
 
 def recoloured(world: World, table: Mapping[str, Change]) -> World:
@@ -128,16 +123,3 @@ def _with_swarms(world: World, new: Sequence[tuple[Swarm, Sequence[Mesh]]]) -> W
     missing = {n for mesh in meshes.values() for n in mesh.materials} - set(world.materials)
     world = replace(world, meshes=meshes, swarms=tuple(swarms), object_names=tuple(names))
     return _with_materials(world, {name: MATERIALS[name] for name in MATERIALS if name in missing})
-
-
-def _tidied(world: World) -> World:
-    """The world without materials and textures that nothing has."""
-    terrain = world.terrain
-    used = {*terrain.ground_materials, terrain.trail_material, terrain.border_material}
-    used |= {n for mesh in world.meshes.values() for n in mesh.materials}
-    used |= set(world.backdrop.materials if world.backdrop is not None else ())
-    materials = {name: material for name, material in world.materials.items() if name in used}
-    textures = {name for material in materials.values() for name in material.images}
-    return replace(
-        world, materials=materials, textures={name: image for name, image in world.textures.items() if name in textures}
-    )

@@ -21,55 +21,32 @@ from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.seasons import Change, changes, tinted
 
 PER_LEAF: Final = 0.6
-
-
 """Twigs per leaf of a mesh; leaves of meshes with less detail stand for several."""
 
-
 MOST_TWIGS: Final = 20_000
-
-
 """Twigs of a mesh."""
 
-
 COLOUR: Final = (0.105, 0.076, 0.058)
-
-
 """Albedo of young bark, which is brown and smooth in all species; even that of birches."""
 
-
 LONGEST: Final = 1.1
-
-
 """[m]"""
 
-
 SLIM: Final = 0.006
-
-
 """Radius of a twig at its base relative to its length."""
 
-
 THINNEST: Final = 0.022
-
-
 """Radius that is added, relative to a leaf, and at most ``THIN``."""
 
-
 THIN: Final = 0.0024  # [m]
-
-
 REACH: Final = (0.6, 1.8)
-
-
 """Least and greatest length of a twig that starts beside its leaf, relative to the leaf."""
-
 
 Surface = tuple[Float32Array, Float32Array, Float32Array, NDArray[np.int32]]
 
@@ -131,10 +108,7 @@ def _needles(foot: Array, tip: Array, thinnest: float) -> Surface:
 
 
 PATCHY: Final = 0.6
-
-
 """How much leaves that are near each other fall and turn together, against 1 for each leaf on its own."""
-
 
 MOST_SWAPS: Final = 3  # waves of the noise
 
@@ -288,47 +262,24 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
 
 
 NAME: Final = "fallen_leaves"
-
-
 """Material of the ground where leaves lie close, kind of the swarm; ``kept`` of it scales the number of leaves."""
 
-
 FALL: Final = "autumn"
-
-
 """Season in which leaves fall."""
 
-
 MOST_LEAVES: Final = 22.0
-
-
 """Leaves per square metre below a closed canopy that has lost all."""
 
-
 CELL: Final = 0.5  # [m]
-
-
 TILE: Final = 12.5  # [m] along the side of one mesh
-
-
 BROWN: Final = (0.12, 0.08, 0.046)
-
-
 """Albedo that the colour of fallen leaves turns to."""
 
-
 ROT: Final = 0.2
-
-
 """Share of brown in a leaf that fell this season; later leaves are nearly all brown."""
 
-
 OLD: Final = 0.8
-
-
 _CORNERS: Final = np.array([[-0.5, 0.0], [0.0, 0.5], [0.5, 0.0], [0.0, -0.5]])  # along, across: stalk, left, tip, right
-
-
 _UV: Final = np.array([[0.5, 0.03], [0.04, 0.45], [0.5, 0.97], [0.96, 0.45]], np.float32)
 
 
@@ -483,13 +434,7 @@ def _mesh(name: str, corners: Array, normals: Array, rows: Index, materials: tup
     n = len(corners)
     used, own = np.unique(rows, return_inverse=True)
     faces = 4 * np.arange(n)[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
-    return Mesh(
-        name=name,
-        vertices=corners.reshape(-1, 3).astype(np.float32),
-        normals=normals.reshape(-1, 3).astype(np.float32),
-        uv=np.tile(_UV, (n, 1)),
-        faces=faces.reshape(-1, 3).astype(np.int32),
-        material=np.repeat(own, 2).astype(np.int32),
-        materials=tuple(materials[k] for k in used),
+    return make_mesh(
+        name, corners, normals, np.tile(_UV, (n, 1)), faces, [materials[k] for k in used], np.repeat(own, 2),
         footprint=TILE,
-    )
+    )  # fmt: skip

@@ -58,32 +58,17 @@ from fieldtruth.world.relief import (
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 CONIFERS = ("spruce", "pine")
-
-
 BROADLEAVES = ("beech", "birch", "oak")
-
-
 UPROOTED: Final = 0.006
-
-
 """Density [1/m^2] of pits and mounds."""
 
-
 OFF_TRAIL: Final = 3.0
-
-
 """Distance [m] of pits and mounds from a trail's edge."""
 
-
 RUT_OFF_CENTRE, RUT_WIDTH, RUT_DEPTH = 0.55, 0.12, 0.035
-
-
 """Distance [m] of ruts from a trail's centre line, the deviation of their Gaussian profile, and mean depth."""
 
-
 ROOTS: Final = 0.1
-
-
 """Largest spacing [m] of the terrain's nodes on which roots can be seen."""
 
 

@@ -17,29 +17,16 @@ from fieldtruth.world.placement import Density, FarSwarm, ObjectGroup, SwarmSpec
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_twigs
 
 CELL: Final = 0.5  # [m]
-
-
 EXTINCTION: Final = 0.5
-
-
 """Of leaves in all directions: light below is exp(-0.5 leaf area index) (Monsi and Saeki 1953, from memory)."""
 
-
 LIGHT_BEYOND: Final = 0.3
-
-
 """Light that is left beyond the world's edge, where other trees stand."""
 
-
 CHOICES: Final = 12
-
-
 """Free positions among which a tree has the best; more would make rows."""
 
-
 ROUNDS: Final = 60
-
-
 """Sets of random positions that are drawn for a tree before the stand is full."""
 
 
@@ -110,19 +97,11 @@ def _shade(mesh: Mesh, half: int) -> Array:
 
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (18.0, 25.0), "grown": (10.0, 16.0), "young": (3.0, 6.0)}
-
-
 """Heights [m]."""
 
-
 TREE_DETAIL: Final = {"old": 0.14, "grown": 0.27, "young": 0.5}
-
-
 TUFTS_PER_M2: Final = 8.0
-
-
 """Density of tufts in a clump."""
-
 
 FERNS_PER_CLUMP: Final = 3
 
@@ -230,33 +209,18 @@ def _clumps(name: str, shares: Mapping[str, float], rng: np.random.Generator) ->
 
 
 SEEDLINGS_PER_TUFT: Final = 3
-
-
 """Of ``beech_seedling`` and ``spruce_seedling``."""
 
-
 SEEDLINGS: Final[Mapping[str, float]] = {"beech_seedling": 0.7, "spruce_seedling": 0.3}
-
-
 SAPLINGS: Final[Mapping[str, int]] = {"beech": 4, "spruce": 2, "oak": 1}
-
-
 """Individuals of each species; members of the swarm are copies of them in equal numbers."""
 
-
 SAPLING_HEIGHT: Final = 2.2  # [m] of the habit
-
-
 SAPLING_SCALES: Final = (0.28, 0.7)
-
-
 """Of the smallest and the largest individual. The share of the leaves is the scale squared, so that they have their
 real size in each."""
 
-
 GROUP: Final = 7.0  # [m], wavelength of the groups of seedlings and dwarf shrubs
-
-
 TWIGS_PER_CLUMP: Final = 6
 
 
@@ -343,11 +307,7 @@ def _twigs(rng: np.random.Generator) -> list[Mesh]:
 
 
 FAR_DETAIL: Final = 0.015
-
-
 FAR_TREES: Final = 12.0
-
-
 """Distance [m] from the edge within which single trees stand; behind them the canopy closes the view."""
 
 

@@ -22,23 +22,15 @@ from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit, with_microrelief
 
 REGION: Final = 1100.0
-
-
 """Half the side length [m] of the region."""
 
-
 MARGIN: Final = 90.0
-
-
 """Width [m] of the surroundings of the world."""
-
 
 _PROFILE: Final = (
     (-1100, 0), (-700, -5), (-330, -11), (-190, -7), (-150, 0), (-110, 12), (-60, 21), (-25, 25), (-17, 20), (-12, 10),
     (10, 9), (15, 22), (22, 27), (32, 24), (55, 20), (150, 17), (280, 20), (370, 3), (470, -16), (1100, -6),
 )  # fmt: skip
-
-
 """(y [m], slope [deg] along y): far side of the valley, its floor, lower flank, shoulder, upper flank, top."""
 
 
@@ -132,8 +124,6 @@ def _blended(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Ar
 
 
 _TURF, _SOIL, _SCREE, _ROCK = range(4)
-
-
 _MATERIALS: Final = ("turf_dry", "soil_stony", "scree", "rock_face")
 
 

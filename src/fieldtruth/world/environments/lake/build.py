@@ -18,7 +18,7 @@ from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatte
 from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.environments.lake.shore import Shore, basin_heights, cover_ground, make_shore
 from fieldtruth.world.grids import Line, noise_map
-from fieldtruth.world.model import Mesh, World
+from fieldtruth.world.model import Mesh, World, make_mesh
 from fieldtruth.world.placement import (
     CrowdedWorldError,
     Density,
@@ -35,11 +35,7 @@ from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, 
 from fieldtruth.world.relief import with_layer
 
 FAR_POLES: Final = 2  # on either side of the world
-
-
 POLE_CLEARANCE: Final = 0.8  # [m] around a pole; the cross-arm is above all low objects
-
-
 _TRIES: Final = 60
 
 
@@ -126,26 +122,12 @@ def _free_positions(builder: WorldBuilder, config: Config, far: int, rng: np.ran
 
 
 WATERSIDE_TREES: Final = {"alder": (7.0, 11.0), "willow": (5.5, 9.0)}  # species: height [m], lowest and highest
-
-
 MEADOW_TREES: Final = {"birch": (7.0, 12.0), "pine": (8.0, 14.0), "oak": (7.0, 11.0)}
-
-
 WATERSIDE_BUSHES: Final = ("grey_willow",)
-
-
 MEADOW_BUSHES: Final = ("hazel", "bramble")
-
-
 BELOW_WIRES: Final = 3.4  # [m] from the power line to the nearest trunk
-
-
 TREE_DETAIL: Final = 0.4
-
-
 TUFT_DETAIL: Final = 0.55
-
-
 TRIES: Final = 9000
 
 
@@ -310,20 +292,10 @@ def _within(value: Array, low: float, high: float) -> Array:
 
 
 FAR_DETAIL: Final = 0.02
-
-
 NEAR_DETAIL: Final = 0.1
-
-
 SPACING: Final = 7.0  # [m] mean distance between positions where a far tree may stand
-
-
 SCRUB_DETAIL: Final = 0.1
-
-
 WOODS_RADIUS: Final = 380.0  # [m] from the centre to the last trees
-
-
 AREA: Final = (900.0, 900.0)  # [m] over which groves and woods vary
 
 
@@ -462,16 +434,10 @@ def _add_water(builder: WorldBuilder, level: float) -> None:
     vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((25, 25))], axis=-1).reshape(-1, 3)
     a = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
     faces = np.stack([a, a + 25, a + 26, a, a + 26, a + 1], axis=-1).reshape(-1, 3)
-    sheet = Mesh(
-        name="lake",
-        vertices=vertices.astype(np.float32),
-        normals=np.tile(np.array([0, 0, 1], np.float32), (len(vertices), 1)),
-        uv=(vertices[:, :2] / WATER_TILE).astype(np.float32),
-        faces=faces.astype(np.int32),
-        material=np.zeros(len(faces), np.int32),
-        materials=("water",),
+    sheet = make_mesh(
+        "lake", vertices, np.tile([0, 0, 1], (len(vertices), 1)), vertices[:, :2] / WATER_TILE, faces, ("water",),
         footprint=0.0,
-    )
+    )  # fmt: skip
     pose = np.eye(4)
     pose[2, 3] = level
     builder.water_level = level

@@ -68,14 +68,8 @@ def _waves(rng: np.random.Generator, lengths: tuple[float, ...], height: float) 
 
 
 DEPTH: Final = 3.5  # [m] of the lake's bed
-
-
 DRY: Final = 6.0  # [m] of land between a corridor's centre line and the water
-
-
 WORN: Final = 2.4
-
-
 """Distance [m] from a corridor's centre line within which the ground is smoothed."""
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.model import Instance, Mesh
+from fieldtruth.world.model import Instance, Mesh, make_mesh
 from fieldtruth.world.placement import (
     CrowdedWorldError,
     WorldBuilder,
@@ -214,13 +214,7 @@ def _stone(name: str, rng: np.random.Generator) -> Mesh:
     uv = np.where(side[:, None, None], points[..., [0, 2]] + points[..., [1, 1]] * [1.0, 0.0], points[..., :2]) / 0.5
     k = 4 * np.arange(len(points))
     faces = np.stack([k, k + 1, k + 2, k, k + 2, k + 3], axis=1).reshape(-1, 3)
-    return Mesh(
-        name=name,
-        vertices=points.reshape(-1, 3).astype(np.float32),
-        normals=normals.repeat(4, axis=0).astype(np.float32),
-        uv=(uv.reshape(-1, 2) + rng.random(2)).astype(np.float32),
-        faces=faces.astype(np.int32),
-        material=np.zeros(len(faces), np.int32),
-        materials=("bed_edge",),
+    return make_mesh(
+        name, points, normals.repeat(4, axis=0), uv.reshape(-1, 2) + rng.random(2), faces, ("bed_edge",),
         footprint=length / 2,
-    )
+    )  # fmt: skip

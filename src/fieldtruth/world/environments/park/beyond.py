@@ -12,7 +12,7 @@ from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.grids import Line, Trail, distance_beyond
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Terrain, merge_meshes
+from fieldtruth.world.model import Mesh, Terrain, make_mesh, merge_meshes
 from fieldtruth.world.placement import FarSwarm, SwarmSpec, WorldBuilder, make_swarm, random_scales, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
 
@@ -153,15 +153,10 @@ def _ribbon(line: Line, band: tuple[float, float, str], size: tuple[float, float
     u, v = xy[faces[:, 1]] - xy[faces[:, 0]], xy[faces[:, 2]] - xy[faces[:, 0]]
     faces = faces[np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) > 1e-9]
     height = ground(x, y) + LIFT + 0.001 * distance_beyond(size, x, y)
-    return Mesh(
-        name=material,
-        vertices=np.column_stack([x, y, height]).astype(np.float32),
-        normals=np.tile(np.array([0, 0, 1], np.float32), (len(x), 1)),
-        uv=(xy / MATERIALS[material].repeat).astype(np.float32),
-        faces=faces.astype(np.int32),
-        material=np.zeros(len(faces), np.int32),
-        materials=(material,),
-    )
+    return make_mesh(
+        material, np.column_stack([x, y, height]), np.tile([0, 0, 1], (len(x), 1)), xy / MATERIALS[material].repeat,
+        faces, (material,),
+    )  # fmt: skip
 
 
 def _avenues(lines: Sequence[Line], share: float, rng: np.random.Generator) -> Array:

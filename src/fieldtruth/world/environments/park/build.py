@@ -146,23 +146,13 @@ def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], 
 
 
 COMMON: Final = ("lime", "birch", "oak")
-
-
 RARE: Final[Mapping[str, tuple[str, ...]]] = {"large_tree": ("beech", "spruce", "pine"), "small_tree": ("beech",)}
-
-
 """Species: several individuals are grown of common ones, one of each rare one."""
 
-
 ALIKE: Final = 14.0
-
-
 """Distance [m] within which two trees are not copies of one individual if another individual is available."""
 
-
 OFF_TRAIL: Final = 1.6  # [m]
-
-
 TRIES: Final = 6000
 
 
