@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes of what the package makes: SHA-256 of bags, data cards and exports, to compare two versions on one machine.
 
+Of a bag the messages in their order are compared, with topics, types and stamps: the chunks that hold them may change.
+
 Run: python benchmarks/digests.py FOLDER [--only park_1 exports] [--against OLD.json]. Prints JSON, and with --against
 exits with 1 if a digest differs. Bytes depend on the processor (see README), so both files must be of one machine.
 ``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512.
@@ -19,6 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import fieldtruth as ft
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.run import CARD, EXPERIMENT
 from fieldtruth.exporters import FORMATS
 
 SECONDS = 1.0
@@ -87,7 +91,7 @@ def parts() -> dict[str, Callable[[], dict[str, str]]]:
 def run(name: str, experiment: ft.Experiment) -> dict[str, str]:
     """Generate a second of an experiment; digests of its bag and data card."""
     bag = ft.generate(experiment.model_copy(update={"seconds": SECONDS}), name, overwrite=True)
-    return {f"{name}/{path.name}": digest(path) for path in sorted(bag.parent.iterdir()) if path.is_file()}
+    return {f"{name}/{path.name}": digest(path) for path in (bag, bag.with_name(EXPERIMENT), bag.with_name(CARD))}
 
 
 def exports() -> dict[str, str]:
@@ -108,8 +112,15 @@ def exports() -> dict[str, str]:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file, or of names and contents of all files in a folder."""
+    """SHA-256 of a bag's messages, of a file, or of names and contents of all files in a folder."""
     total = hashlib.sha256()
+    if path.suffix == ".bag":
+        with open_bag(path, own_names=True) as bag:
+            for each in bag.connections:
+                total.update(repr((each.topic, each.msgtype, each.msgdef, each.digest, each.ext)).encode())
+            for message in bag.messages():
+                total.update(f"{message.stamp_ns} {message.topic} {len(message.data)}\n".encode() + message.data)
+        return total.hexdigest()
     for file in [path] if path.is_file() else sorted(each for each in path.rglob("*") if each.is_file()):
         total.update(str(file.relative_to(path)).encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return total.hexdigest()

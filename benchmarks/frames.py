@@ -20,9 +20,9 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import prepare
-from fieldtruth.record.streams import without_wheels
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.simulation.motion import without_wheels
 
 NEAR_PIXELS = 100
 """A named object counts as shown where it has so many pixels of 320 x 184."""

@@ -24,7 +24,7 @@ from fieldtruth.bag.decode import image
 from fieldtruth.bag.geometry import first_message, read_static_frames, read_trajectory, seconds
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.arrays import Array
-from fieldtruth.exporters.sequences import first_views
+from fieldtruth.exporters.frames import first_views
 
 Grey = NDArray[np.uint8]
 Points = NDArray[np.float32]

@@ -130,7 +130,7 @@ def in_park(park: SensorWorld) -> Iterator[None]:
         return park.baked if same else bake(scene, towards, weather)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fieldtruth.pipeline.world_of", lambda e: park.world if is_park(e) else world_of(e))
+        patch.setattr("fieldtruth.simulation.stepped.world_of", lambda e: park.world if is_park(e) else world_of(e))
         sensors = "fieldtruth.sensors.kind"
         patch.setattr(f"{sensors}.Scene", lambda world: park.scene if world is park.world else Scene(world))
         patch.setattr(f"{sensors}.bake", baked)

@@ -38,6 +38,7 @@ from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import sweep_times_ns
 from fieldtruth.sensors.lidar.sensor import LidarSensor
+from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
@@ -167,11 +168,13 @@ class FakeCamera:
         )
 
 
-def make_slices(folder: Path, experiment: Experiment) -> Slices:
-    """Slices of the fake recording."""
+def make_slices(folder: Path, experiment: Experiment, slice_ns: int = 10**9) -> Slices:
+    """Slices of the fake recording, by default of a second."""
     world = make_world(seed=experiment.seed)
     track, rig = make_track(world, experiment), experiment.rig
-    return Slices(folder, streams_of(world, track, rig), topics_of(rig), lambda: fake_sensors(world, rig))
+    return Slices(
+        folder, streams_of(world, track, rig), topics_of(rig), lambda: fake_sensors(world, rig), slice_ns=slice_ns
+    )
 
 
 def fake_sensors(world: World, rig: Rig, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> Sensors:
@@ -212,7 +215,8 @@ class FakeEngine:
     lidar: Any = FakeLidar
     camera: Any = FakeCamera
 
-    def __call__(self, experiment: Experiment, given: object, progress: Progress) -> PreparedHere:
+    def __call__(self, simulation: Simulation, progress: Progress) -> PreparedHere:
+        experiment = simulation.experiment
         with progress.stage("build the world"):
             world = self.world(experiment)
         with progress.stage("drive", expected_seconds(experiment)):
@@ -223,7 +227,7 @@ class FakeEngine:
 
 def use_fakes(patch: pytest.MonkeyPatch) -> None:
     """Replace world building, driving and sensing for the command line and workers, which make runs by themselves."""
-    patch.setattr("fieldtruth.pipeline.world_of", FakeEngine.world)
+    patch.setattr("fieldtruth.simulation.stepped.world_of", FakeEngine.world)
     patch.setattr(
         "fieldtruth.simulation.motion.plan_and_drive", lambda world, experiment, _: make_track(world, experiment)
     )

@@ -54,7 +54,7 @@ for module in modules:
 """
 _OF_EXTRAS: Final = {
     **dict.fromkeys((f"fieldtruth.cluster.{name}" for name in ("engine", "errors", "slices", "worker")), "distributed"),
-    **dict.fromkeys((f"fieldtruth.exporters.{name}" for name in ("croissant", "huggingface", "parquet")), "pyarrow"),
+    "fieldtruth.exporters.huggingface": "pyarrow",
     "fieldtruth.bag.mcap_file": "zstandard",
     "fieldtruth.exporters.mcap": "mcap",
     "fieldtruth.exporters.stereo_depth": "cv2",

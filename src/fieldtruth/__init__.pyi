@@ -96,7 +96,7 @@ from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .simulation.ahead import frames as frames
-from .simulation.frame import Frame as Frame
+from .simulation.due import Frame as Frame
 from .simulation.stepped import Simulation as Simulation
 from .validation import Check as Check
 from .validation.runner import validate as validate

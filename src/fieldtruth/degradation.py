@@ -21,15 +21,14 @@ from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import ODOMETRY
-from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Progress
-from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.streams import Stream
+from fieldtruth.simulation.stepped import Simulation
 
 _CHUNKS: Final = 16
 """Decompressed parts of the bag in memory, some for each worker thread."""
@@ -75,8 +74,8 @@ def degrade(
     with open_bag(run.bag) as bag:
         stored = _Stored(bag, run.rig, {sensor.name for sensor in changed})
 
-        def engine(experiment: Experiment, given: TrackFile | None, progress: Progress) -> _Degraded:
-            made = prepare(experiment, given, progress)
+        def engine(simulation: Simulation, progress: Progress) -> _Degraded:
+            made = prepare(simulation, progress)
             return _Degraded(made.experiment, made.world, made.track, run, stored)
 
         return generate_by(engine, experiment, out, workers=workers, overwrite=overwrite, progress=progress)
@@ -89,7 +88,7 @@ class _Stored:
         kept = (sensor for sensor in rig.in_order() if sensor.sees and sensor.name not in changed)
         self.sensors = {sensor.name for sensor in kept}
         topics = [topic.name for sensor in rig.in_order() if sensor.name in self.sensors for topic in sensor.topics()]
-        self._bag, self._index = bag, bag.index([topic for topic in topics if topic in bag.counts])
+        self._bag, self._index = bag, bag.index([topic for topic in (*topics, ODOMETRY) if topic in bag.counts])
         self._lock = threading.Lock()
         self._chunk = lru_cache(_CHUNKS)(bag.chunk)
 
@@ -99,7 +98,7 @@ class _Stored:
         Raises:
             BagError: the bag has readings at other stamps.
         """
-        if not self._index.keys() >= {*stream.topics}:
+        if stream.topics == (ODOMETRY,) or not self._index.keys() >= {*stream.topics}:
             return stream
         for topic in stream.topics:
             if not np.array_equal(self._index[topic].stamps_ns, stream.stamps_ns):
@@ -116,10 +115,8 @@ class _Stored:
     def check(self, stream: Stream) -> None:
         """Raise BagError unless the first and the last message of a topic are those of a stream."""
         (topic,) = stream.topics
-        index = self._bag.index([topic])[topic]
         for k in (0, -1):
-            found = self._bag.message(self._bag.chunk(int(index.chunk[k])), int(index.offset[k])).data
-            if [found] != list(stream.messages(range(len(stream.stamps_ns))[k], {})):
+            if [self._message(topic, k)] != list(stream.messages(range(len(stream.stamps_ns))[k], {})):
                 raise _other_version(self._bag, topic)
 
 

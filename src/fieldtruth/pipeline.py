@@ -8,32 +8,28 @@ The stages are those of the paper's sections 3 and 4; each passes plain data to 
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
 from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
-from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_seconds
-from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.folder import RunFolder, run_folder
+from fieldtruth.record.folder import run_folder
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.streams import Sensors, Stream, sensor_factory, streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.simulation.motion import track_in, with_given_track
-from fieldtruth.world.build import check_experiment, world_of
+from fieldtruth.simulation.stepped import Driven, Simulation
 from fieldtruth.world.model import World
 
 
@@ -54,19 +50,15 @@ class Prepared(Protocol):
         ...
 
 
-Engine = Callable[[Experiment, TrackFile | None, Progress], Prepared]
-"""Builds the world and drives, or follows the track file, and knows where the slices are made."""
+Engine = Callable[[Simulation, Progress], Prepared]
+"""Builds the world of a simulation and drives, and knows where the slices are made."""
 
 
 @dataclass(frozen=True)
-class PreparedHere:
+class PreparedHere(Driven):
     """A run in this process."""
 
-    experiment: Experiment
-    world: World
-    track: Track
-    scene: Scene | None = field(default=None, kw_only=True)
-    """The world in the ray tracer, if it was built."""
+    reuse: bool = field(default=True, kw_only=True)
     new_sensors: Callable[[], Sensors] | None = field(default=None, kw_only=True)
     """Makes the sensors of a thread; None: those of the rig."""
 
@@ -87,20 +79,10 @@ class PreparedHere:
         sensors = self.new_sensors or sensor_factory(self.sensor_world, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
 
-    @cached_property
-    def sensor_world(self) -> SensorWorld:
-        """Where the sensors are."""
-        made = self.experiment
-        return SensorWorld(self.world, made.rig, made.light, made.weather, scene=self.scene, seed=made.seed, reuse=True)
-
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""
-        return streams_of(self.world, self.track, self.experiment.rig, latched=self.latched, movement=self.movement)
-
-    @cached_property
-    def movement(self) -> Movement:
-        """Motion of the robot, with the series that sensors have measured of it."""
-        return movement_of(self.track)
+        made, latched = self.experiment, self.latched
+        return streams_of(self.world, self.track, made.rig, latched=latched, movement=self.movement, seed=made.seed)
 
     def sensed(self) -> Rig:
         """Return the rig with the sensors that are needed to make the streams."""
@@ -114,24 +96,18 @@ class PreparedHere:
         return data_card(self.experiment, self.world, self.track, counts, measured)
 
 
-def prepare(
-    experiment: Experiment,
-    given: TrackFile | None,
-    progress: Progress,
-    *,
-    world: World | None = None,
-    scene: Scene | None = None,
-) -> PreparedHere:
-    """Build the world, unless it is given, and drive, or follow the poses of a track file, in this process."""
-    if world is None:
-        with progress.stage("build the world"):
-            world = world_of(experiment) if scene is None else scene.world
-    with progress.stage("drive", None if given is not None else expected_seconds(experiment)) as advance:
-        return PreparedHere(experiment, world, track_in(world, experiment, given, advance), scene=scene)
+def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
+    """Build the world, unless it is given, and drive, or take the poses that are given, in this process."""
+    made = simulation.experiment
+    with progress.stage("build the world"):
+        world = simulation.world
+    with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
+        driven = simulation.drive(advance)
+    return PreparedHere(made, world, driven.track, scene=driven.scene)
 
 
 def generate(
-    experiment: Experiment,
+    experiment: Experiment | str | Path,
     out: Path | str,
     *,
     world: World | None = None,
@@ -140,13 +116,13 @@ def generate(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, provenance.json and checksums.
+    """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, made_by.json and checksums.
 
     The bytes do not depend on the number of workers or on interruptions. A run that was interrupted, by Ctrl-C, a kill
     or a full disk, resumes when it is called again.
 
     Args:
-        experiment: what to simulate.
+        experiment: what to simulate, or its name, or the path of its file.
         out: folder of data sets; nothing outside ``out/NAME`` is written.
         world: what it is simulated in; None builds the experiment's.
         scene: the world in the ray tracer, if it was built.
@@ -167,11 +143,8 @@ def generate(
         TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
-    folder = output_folder(out, experiment.name)
-    if world is None and scene is None:
-        check_experiment(experiment)
-    engine = partial(prepare, world=world, scene=scene)
-    return _generate(engine, experiment, folder, workers, overwrite=overwrite, progress=progress)
+    simulation = Simulation(experiment, world=world, scene=scene)
+    return _generate(prepare, simulation, out, workers, overwrite=overwrite, progress=progress)
 
 
 def generate_by(
@@ -184,28 +157,33 @@ def generate_by(
     progress: Progress | None = None,
 ) -> Path:
     """Generate a data set as ``generate`` does, where world, drive and slices are made by an engine; None: here."""
-    folder = output_folder(out, experiment.name)
-    check_experiment(experiment)
-    return _generate(engine or prepare, experiment, folder, workers, overwrite=overwrite, progress=progress)
+    return _generate(engine or prepare, Simulation(experiment), out, workers, overwrite=overwrite, progress=progress)
 
 
 def _generate(
     engine: Engine,
-    experiment: Experiment,
-    out: Path,
+    simulation: Simulation,
+    out: Path | str,
     workers: int | None,
     *,
     overwrite: bool,
     progress: Progress | None,
 ) -> Path:
-    _warn_of_weather(experiment)
-    experiment, given = with_given_track(experiment)
-    text = None if given is None else given.csv()
+    """Make the slices, join them to the bag, and write what belongs beside it."""
+    made, track = simulation.experiment, simulation.track_file
+    _warn_of_weather(made)
+    folder, text = output_folder(out, made.name), None if track is None else track.csv()
     progress = Silent() if progress is None else progress
-    with run_folder(experiment, out, overwrite=overwrite, track=text) as run:
-        prepared = engine(experiment, given, progress)
-        run.begin(experiment, overwrite=overwrite, track=text)
-        _record(prepared, run, cpu_count() if workers is None else workers, progress)
+    with run_folder(made, folder, overwrite=overwrite, track=text) as run:
+        prepared = engine(simulation, progress)
+        run.begin(made, overwrite=overwrite, track=text)
+        slices_folder = run.slices(prepared.key)
+        with progress.stage("prepare the scene"):
+            slices = prepared.slices(slices_folder)
+        whole = slices_folder / "whole.bag"
+        slices.record(whole, cpu_count() if workers is None else workers, progress)
+        with progress.stage("card and checksums"):
+            run.finish(whole, prepared.card(count_messages(whole)), provenance.noted(slices_folder))
     return run.bag
 
 
@@ -217,14 +195,3 @@ def _warn_of_weather(experiment: Experiment) -> None:
         names = ", ".join(each.name for each in unreached)
         what = f"weather has no effect on ideal {nouns} ({names}); give them a signal, as --signal datasheet does"
         warnings.warn(what, FieldtruthWarning, stacklevel=4)
-
-
-def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress) -> None:
-    """Make the slices, join them to the bag, and write what belongs beside it."""
-    folder = run.slices(prepared.key)
-    with progress.stage("prepare the scene"):
-        slices = prepared.slices(folder)
-    whole = folder / "whole.bag"
-    slices.record(whole, workers, progress)
-    with progress.stage("card and checksums"):
-        run.finish(whole, prepared.card(count_messages(whole)), provenance.noted(folder))

@@ -54,7 +54,6 @@ def _one_scene() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(annotation, "load_world", lambda name, seed, layout: world)
         patch.setattr("fieldtruth.sensors.kind.Scene", lambda world: scene)
-        patch.setattr("fieldtruth.record.slices.SLICE_NS", 200_000_000)
         yield
 
 

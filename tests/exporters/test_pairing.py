@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fieldtruth.exporters.sequences import WINDOW_NS, paired
+from fieldtruth.exporters.kitti import WINDOW_NS, paired
 
 CLOUDS = np.arange(10**8, 20 * 10**9, 10**8)
 PHOTOS = np.arange(4 * 10**7, 20 * 10**9, 4 * 10**7)

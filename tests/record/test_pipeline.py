@@ -87,7 +87,7 @@ def test_an_interrupted_run_resumes_and_ends_with_the_same_bytes(tmp_path: Path,
     process.communicate()
     assert process.returncode != 0
     joined = joined_lines(tmp_path)
-    assert 0 < joined < 4
+    assert 0 < joined < 40
     assert not (tmp_path / "tiny" / "tiny.bag").exists()
     if sign == signal.SIGINT:  # a killed process cannot clean up
         assert not list(tmp_path.glob("tiny/.slices/*/*.part"))
@@ -96,7 +96,7 @@ def test_an_interrupted_run_resumes_and_ends_with_the_same_bytes(tmp_path: Path,
     bag = generate(make_experiment(4.0), tmp_path, workers=2, progress=notes)
     assert bag.read_bytes() == whole
     assert listing(tmp_path / "tiny") == FILES
-    assert notes.stages["sense and label"][1] >= joined
+    assert notes.stages["sense and label"][1] >= joined / 10 - 1e-9
 
 
 def test_slices_of_another_world_are_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -266,8 +266,10 @@ def test_progress_counts_the_slices_of_an_earlier_run(tmp_path: Path, monkeypatc
             generate(make_experiment(2.5), tmp_path, workers=1)
     notes = Notes()
     generate(make_experiment(2.5), tmp_path, workers=1, progress=notes)
-    assert notes.stages["sense and label"] in {(2.5, 2.0), (2.5, 2.5)}  # the worker may have been faster
-    assert notes.done["sense and label"] == pytest.approx(2.5 - notes.stages["sense and label"][1])
+    seconds, done = notes.stages["sense and label"]
+    assert seconds == 2.5
+    assert 0.2 <= done <= 2.5
+    assert notes.done["sense and label"] == pytest.approx(2.5 - done)
 
 
 def test_the_key_of_slices_depends_on_every_input_value() -> None:
@@ -289,7 +291,7 @@ SHAPES_SLICES = (
     "sensors/imu/sensor",
     "record/streams",
 )
-LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "datasets/run", "cli/__main__")
+LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "degradation", "cli/__main__")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from fieldtruth.experiment.catalogue import preset_of
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
-from fieldtruth.record.streams import without_wheels
+from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate
 
 

@@ -14,7 +14,7 @@ from fieldtruth.bag import decode
 from fieldtruth.bag.readings import cloud_of, reflectivity
 from fieldtruth.experiment.catalogue import datasheet_of
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.exporters.sequences import xyz_and_reflectance
+from fieldtruth.exporters.kitti import xyz_and_reflectance
 from fieldtruth.kernels.lidar import TURNS
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sense.scene import Scene

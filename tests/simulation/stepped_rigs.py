@@ -15,7 +15,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.known import new_sensors
-from fieldtruth.simulation.frame import Frame
+from fieldtruth.simulation.due import Frame
 from fieldtruth.world.model import World
 
 WORLD = make_world(

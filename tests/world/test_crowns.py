@@ -14,7 +14,7 @@ from crown_statistics import CrownStatistics, crown_statistics, leaf_area, leaf_
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
-from fieldtruth.world.environments.forest.plants import TREE_DETAIL
+from fieldtruth.world.environments.planting import PLANTINGS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.plants.species import leaf_share
@@ -50,6 +50,7 @@ def statistics(crown: Crown, distance: float, detail: float) -> Array:
     return np.asarray(np.mean([[s.passing, s.jumps, s.median_jump, s.high_jump, s.height] for s in each], axis=0))
 
 
+TREE_DETAIL = {age: PLANTINGS["forest"].groups[age].detail for age in ("old", "grown", "young")}
 CROWNS = [Crown(name, age) for age in TREE_DETAIL for name in Config().species]
 FEW = [Crown("birch", "young"), Crown("spruce", "grown")]
 

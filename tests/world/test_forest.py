@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.classes import Label
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
-from fieldtruth.world.environments.forest.plants import AGES
+from fieldtruth.world.environments.planting import PLANTINGS
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, Instance, World
 from fieldtruth.world.plants import TREES
@@ -54,9 +54,11 @@ def test_counts_species_and_ages(world: World) -> None:
     assert set(kinds) == set(CONFIG.species)
     assert set(kinds) > CONIFERS
     assert min(kinds.values()) >= 30
-    ages = Counter(age for i in living for age in AGES if f"_{age}_" in i.mesh)
+    groups = PLANTINGS["forest"].groups
+    ages = Counter(age for i in living for age in ("old", "grown", "young") if f"_{age}_" in i.mesh)
     assert ages == {"old": CONFIG.old_trees, "grown": CONFIG.grown_trees, "young": CONFIG.young_trees}
-    for age, (low, high) in AGES.items():
+    for age in ages:
+        low, high = np.atleast_1d(groups[age].heights)
         heights = [scale_of(i) * world.meshes[i.mesh].vertices[:, 2].max() for i in living if f"_{age}_" in i.mesh]
         assert 0.8 * low < min(heights) < max(heights) < 1.25 * high
     others = Counter(i.kind for i in world.instances if i.kind not in TREES)

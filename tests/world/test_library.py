@@ -15,6 +15,7 @@ import yaml
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import world_key
+from fieldtruth.world.environments.planting import PLANTINGS
 from fieldtruth.world.library import SHARED, data_files
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_snag, grow_tree
@@ -139,6 +140,7 @@ def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:
         "bushes": BUSHES,
         "grasses": GRASSES,
         "rocks": ROCK_TYPES,
+        "environments": PLANTINGS,
     }
     for path in data_files():
         assert path.read_text().startswith("# ")

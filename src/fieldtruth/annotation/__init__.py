@@ -38,7 +38,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, Output, SensorConfig, Topic
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, sensor_factory, sensor_streams
+from fieldtruth.record.streams import Stream, sensor_factory, series_of, stream_of
 from fieldtruth.sensors.kind import Movement, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import check_layout, load_world
@@ -183,7 +183,7 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
 
     movement, streams = Movement(pose_at), list[Stream]()
     for config in (each for each in rig.in_order() if each.sees):
-        streams += sensor_streams(config, rig, partial(stamps, config), movement, 0)
+        streams += [stream_of(series, movement) for series in series_of(config, rig, partial(stamps, config), 0)]
     return streams
 
 

@@ -6,6 +6,7 @@ Stamps of a topic must rise: one rule for all that reads bags (``rising_rows``).
 """
 
 import operator
+import struct
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
@@ -216,6 +217,7 @@ _DECODED: Final[Mapping[str, Callable[[Any], Any]]] = {
     "normal": read.normals,
     "flow": read.flow,
 }
+_PNG: Final = b"\x89PNG\r\n\x1a\n"
 SERIES: Final = (Inertial, Fix, WheelSpeeds, Joints, Odometry)
 """Types of readings that are small, so that a slice of them is one reading with arrays of n rows."""
 
@@ -417,25 +419,28 @@ def reflectivity(cloud: Cloud) -> NDArray[np.float32]:
     return found / np.float32(100.0) if values.dtype.kind == "u" else found
 
 
-def checked_jpeg(message: Any, shape: tuple[int, ...]) -> bytes:
-    """Return the JPEG of a photograph, as it is stored.
+def stored_photo(message: Any, shape: tuple[int, ...]) -> tuple[bytes, str]:
+    """Return a photograph as it is stored, and the ending of such files: ``.jpg`` or ``.png``.
 
     Args:
         message: sensor_msgs/CompressedImage.
         shape: (h, w) of its tag image.
 
     Raises:
-        BagError: it is not a JPEG, or one of another size.
+        BagError: it is neither JPEG nor PNG, or has another size.
     """
     data = bytes(message.data)
     try:
-        height, width, *_ = simplejpeg.decode_jpeg_header(data)
-    except ValueError:
-        raise BagError("the photograph is not a JPEG") from None
+        if data.startswith(_PNG):
+            (width, height), suffix = struct.unpack_from(">2L", data, 16), ".png"
+        else:
+            (height, width, *_), suffix = simplejpeg.decode_jpeg_header(data), ".jpg"
+    except (ValueError, struct.error):
+        raise BagError("the photograph is neither JPEG nor PNG") from None
     if (height, width) != shape:
         tag = f"its tag image has {shape[1]} x {shape[0]} pixels"
-        raise BagError(f"the photograph is a JPEG of {width} x {height} pixels; {tag}")
-    return data
+        raise BagError(f"the photograph has {width} x {height} pixels; {tag}")
+    return data, suffix
 
 
 _NOWHERE: Final = {"stamp_ns": 0, "header_ns": 0}

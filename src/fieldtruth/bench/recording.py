@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, thread_time
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,15 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.slices import SLICE_NS, Slices
+from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, Stream, streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig
+
+_SECOND_NS: Final = 10**9
 
 
 class Stretches(NamedTuple):
@@ -35,7 +37,7 @@ class Stretches(NamedTuple):
 
     def rows(self, stamps_ns: Stamps) -> list[NDArray[np.int64]]:
         """Return the numbers of these readings among all ``stamps_ns``, for each second."""
-        ends = (np.searchsorted(stamps_ns, [k * SLICE_NS, (k + 1) * SLICE_NS], side="right") for k in self.seconds)
+        ends = (np.searchsorted(stamps_ns, [k * _SECOND_NS, (k + 1) * _SECOND_NS], side="right") for k in self.seconds)
         return [np.arange(first, min(first + self.views, last)) for first, last in ends]
 
 
@@ -77,7 +79,7 @@ def recording(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, w
     ready = [sensors_of(baked, rig, used=True) for _ in range(workers)]
     keep_temporary_files_in_memory()
     with TemporaryDirectory() as folder:
-        yield Slices(Path(folder), streams, topics, ready.pop)
+        yield Slices(Path(folder), streams, topics, ready.pop, slice_ns=_SECOND_NS)
 
 
 def _only(stretches: Stretches, stream: Stream) -> Stream:

@@ -38,7 +38,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.record.folder import clean_finished
-from fieldtruth.record.streams import without_wheels
+from fieldtruth.simulation.motion import without_wheels
 
 STOPPING: Final = (ClusterError, EngineError, OutputError)
 """Errors that other runs would meet, too."""

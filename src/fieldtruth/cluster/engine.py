@@ -26,6 +26,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.record.slices import SliceFolder
+from fieldtruth.simulation.stepped import Simulation
 
 _AHEAD: Final = 3
 """Slices per thread that are submitted and not yet in the folder, so that results do not fill memory."""
@@ -148,7 +149,7 @@ class ClusterEngine:
             threads: int = sum(self.client.nthreads().values())
         return 2 + threads // 4
 
-    def __call__(self, experiment: Experiment, given: TrackFile | None, progress: Progress) -> "PreparedThere":
+    def __call__(self, simulation: Simulation, progress: Progress) -> "PreparedThere":
         """Have a worker build the world and drive, or follow the track file.
 
         Raises:
@@ -160,7 +161,7 @@ class ClusterEngine:
                 self.client.wait_for_workers(1)
                 self._agree()
             with progress.stage("world and drive"):
-                return PreparedThere(self.client, experiment, given, -next(self._begun))
+                return PreparedThere(self.client, simulation.experiment, simulation.track_file, -next(self._begun))
 
     def _agree(self) -> None:
         """Check that the present workers are like this machine; later ones are checked by their first slice."""

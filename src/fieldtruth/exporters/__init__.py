@@ -8,23 +8,26 @@ is written under a temporary name and renamed when it is complete; existing file
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
 from fieldtruth.core.outputs import output_path
-from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.exporters.frames import Member, find_members
-from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.ontology.label_map import OWN, LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 DEFAULT_SHARD_MB: Final = 500
 DEFAULT_VOXEL_M: Final = 0.1
@@ -58,6 +61,7 @@ def _read(name: str, given: Any) -> Format:
     return row._replace(module=module.__name__)
 
 
+_DATA_SET: Final = Format("", "", "", relabels=True, joins=True, publishes=True)
 FORMATS: Final[Registry[Format]] = Registry(
     "format",
     "formats",
@@ -82,30 +86,17 @@ FORMATS: Final[Registry[Format]] = Registry(
         "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
         "occupancy": Format("occupancy", "_occupancy.npz", "the world's surfaces as voxels with classes"),
         "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
-        "webdataset": Format(
-            "webdataset",
-            "_webdataset",
-            "tar files of frames for training, with splits",
-            relabels=True,
-            joins=True,
-            publishes=True,
+        "webdataset": _DATA_SET._replace(
+            module="webdataset", suffix="_webdataset", description="tar files of frames for training, with splits"
         ),
-        "huggingface": Format(
-            "huggingface",
-            "_huggingface",
-            "Parquet with a card and Croissant metadata, for Hugging Face's datasets",
-            relabels=True,
-            joins=True,
-            publishes=True,
+        "huggingface": _DATA_SET._replace(
+            module="huggingface",
+            suffix="_huggingface",
+            description="Parquet with a card and Croissant metadata, for Hugging Face's datasets",
             library="pyarrow",
         ),
-        "mmseg": Format(
-            "mmseg",
-            "_mmseg",
-            "MMSegmentation's layout with a configuration file",
-            relabels=True,
-            joins=True,
-            publishes=True,
+        "mmseg": _DATA_SET._replace(
+            module="mmseg", suffix="_mmseg", description="MMSegmentation's layout with a configuration file"
         ),
         "slam-configs": Format(
             "slam_configs",
@@ -138,6 +129,16 @@ class Options(NamedTuple):
     """Whether annotations have boxes of whole objects, for which the world is built again."""
     voxel_m: float = DEFAULT_VOXEL_M
     """Edge length [m] of the voxels of a format that has voxels."""
+
+    @property
+    def labels(self) -> LabelMap:
+        """Labels to write."""
+        return self.label_map or OWN
+
+    def each(self, stage: str, run: Run, items: Sequence[T], work: Callable[[T], R]) -> Iterator[R]:
+        """Yield the results of ``work``, which is done by threads, in the order of the items of a run."""
+        with self.progress.stage(stage, run.duration_s) as advance:
+            yield from counted(in_order(items, work, self.workers), advance, run.duration_s, len(items))
 
 
 def export(

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export a run as COCO: panoptic and detection annotations of the photographs of all cameras with instance ids.
 
-``images/CAMERA/NS.jpg`` are the photographs, byte for byte as in the bag; ``panoptic.json`` with
+``images/CAMERA/NS.jpg`` (or .png) are the photographs, byte for byte as in the bag; ``panoptic.json`` with
 ``panoptic/CAMERA/NS.png`` holds the segment of each pixel, ``instances.json`` a mask for each countable object and each
-crowd.
+crowd. A segment of a countable class (COCO's ``isthing``) is one object. All other classes have one segment per image.
+So have the objects of a countable class that have no ids of their own: a crowd, like the trees of the backdrop, or
+pebbles. Both JSON files are written row by row: the annotations of a long drive may exceed the memory.
 """
 
 import json
@@ -31,35 +33,29 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
-from fieldtruth.core.parallel import in_order
+from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.png import ids_png
-from fieldtruth.core.progress import counted
 from fieldtruth.core.readings import Image
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
-from fieldtruth.exporters.frames import with_jpeg
+from fieldtruth.exporters.frames import with_photo
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.world.boxes import named_objects, object_box
 
+_PARTS: Final = ("photo", "label", "instance")
+_LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
 _SUPERCATEGORIES: Final = {
-    Label.GROUND: "terrain",
-    Label.TRAIL: "terrain",
-    Label.ROCK: "terrain",
-    Label.TRUNK: "vegetation",
-    Label.TREETOP: "vegetation",
-    Label.BUSH: "vegetation",
-    Label.HIGH_GRASS: "vegetation",
-    Label.LAMP_POST: "structure",
-    Label.TRASH_BIN: "structure",
-    Label.TABLE: "structure",
-    Label.BENCH: "structure",
-    Label.POST: "structure",
-    Label.CABLE: "structure",
-    Label.WATER: "water",
-    Label.SKY: "sky",
-    Label.ROBOT: "robot",
-    Label.PARTICLE: "air",
+    label: above
+    for above, labels in {
+        "terrain": (Label.GROUND, Label.TRAIL, Label.ROCK),
+        "vegetation": (Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS),
+        "structure": (Label.LAMP_POST, Label.TRASH_BIN, Label.TABLE, Label.BENCH, Label.POST, Label.CABLE),
+        "water": (Label.WATER,),
+        "sky": (Label.SKY,),
+        "robot": (Label.ROBOT,),
+        "air": (Label.PARTICLE,),
+    }.items()
+    for label in labels
 }
 STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS
 """Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
@@ -67,6 +63,107 @@ _BITS: Final = 24
 """Bits of a segment id in a panoptic image."""
 _SINGLE: Final = re.compile(r"_\d+$")
 """Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
+
+
+class _Frames(NamedTuple):
+    """All that is needed to export a frame."""
+
+    cameras: Mapping[str, Mapping[str, Any]]
+    """Keys and values of each image's row by camera: frame and calibration."""
+    mounts: Mapping[str, Array]
+    """base_from_optical (4, 4) by camera."""
+    images: Mapping[str, Readings]
+    trajectory: Trajectory
+    numbering: "Numbering"
+    boxes: "CocoBoxes | None"
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write the folder.
+
+    Raises:
+        BagError: photographs, tag images, instance images, calibration or poses are missing, or the bag is damaged.
+    """
+    (run,) = runs
+    views = _views_of(run)
+    run.require(table.MODEL_STATES, table.TF_STATIC, *(view.info for view in views))
+    categories = categories_of(options.labels)
+    for view in views:
+        (target / "images" / view.label).mkdir(parents=True)
+        (target / "panoptic" / view.label).mkdir(parents=True)
+    names, _ = read_objects(run)
+    numbering = Numbering(categories, options.labels, names)
+    boxes = CocoBoxes(run, options.labels, names) if options.boxes else None
+    run.streams([view.topics[part] for view in views for part in _PARTS])
+    images = {view.label: run.readings(view.name, _PARTS) for view in views}
+    mounts = {view.label: run.calibration.base_from(view.name) for view in views}
+    frames = _Frames({v.label: _camera(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
+    about = {} if boxes is None else boxes.objects()
+    jobs = sorted(
+        (stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()
+    )
+    with coco_files(run, target, options.labels, categories, names, about) as files:
+        for picture in options.each("images", run, jobs, partial(_write_frame, target, frames)):
+            files.add(picture)
+    if not jobs:
+        raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
+
+
+def _views_of(run: Run) -> list[Source]:
+    """Views that took photographs, of the cameras with instance images.
+
+    Raises:
+        BagError: the rig has no camera, or a view lacks tag or instance images; the text states how to make those.
+    """
+    every, found = run.of(Image, recorded=False), run.of(Image, "photo")
+    if not every:
+        raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")
+    cameras = {view.device for view in found if view.has(run.counts, "instance")}
+    views = [view for view in found if not cameras or view.device in cameras]
+    run.require(*(view.topics[part] for part in ("photo", "label") for view in views or every))
+    run.require_instances(*(view.topics["instance"] for view in views))
+    return views
+
+
+def _write_frame(target: Path, frames: _Frames, job: tuple[int, int, str]) -> "Picture":
+    """Write the image files of a frame, of a stamp and a camera; on any thread."""
+    stamp, _, camera = job
+    name = f"{camera}/{stamp}"
+    image, photo, suffix = with_photo(frames.images[camera], stamp)
+    try:
+        ids = frames.numbering.number(image.label, image.instance)
+    except BagError as error:
+        raise BagError(f"{camera} camera at {stamp} ns: {error}") from error
+    height, width = ids.shape
+    (target / "images" / f"{name}{suffix}").write_bytes(photo)
+    (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
+    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[camera]
+    row = {
+        "file_name": f"{name}{suffix}",
+        "width": width,
+        "height": height,
+        "stamp_ns": stamp,
+        "camera": camera,
+        **frames.cameras[camera],
+        "world_from_camera": world_from_optical.tolist(),
+    }
+    segments = segments_of(ids)
+    boxes = {} if frames.boxes is None else frames.boxes.of(camera, segments, world_from_optical)
+    return Picture(row, f"{name}.png", segments, boxes)
+
+
+def _camera(run: Run, view: Source) -> dict[str, Any]:
+    lens = run.calibration.lens(view.name)
+    return {
+        "frame_id": lens.frame,
+        "camera_matrix": lens.K.tolist(),
+        "distortion_model": lens.model,
+        "distortion": lens.D.tolist(),
+    }
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Categories and segments
 
 
 class Category(NamedTuple):
@@ -95,16 +192,13 @@ class Segment(NamedTuple):
     """Run lengths down the columns, in COCO's compressed encoding."""
 
 
-def categories_of(label_map: LabelMap | None) -> list[Category]:
+def categories_of(labels: LabelMap) -> list[Category]:
     """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped."""
-    ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
+    ids = labels.ids
     result: list[Category] = []
     for number in sorted({int(ids[label]) for label in _SUPERCATEGORIES} - {int(ids[Label.VOID])}):
         ours = [label for label in _SUPERCATEGORIES if ids[label] == number]
-        if label_map is None:
-            name, rgb = CLASSES[number].name, CLASSES[number].rgb or (0, 0, 0)
-        else:
-            name, rgb = label_map.classes[number]
+        name, rgb = labels.classes[number]
         above = {_SUPERCATEGORIES[label] for label in ours}
         countable = STUFF.isdisjoint(ours)
         result.append(Category(number, name, above.pop() if len(above) == 1 else name, countable, rgb))
@@ -126,8 +220,8 @@ class Numbering:
         BagError: 24 bits do not hold categories and objects.
     """
 
-    def __init__(self, categories: Sequence[Category], label_map: LabelMap | None, names: Sequence[str]) -> None:
-        ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids.astype(np.int64)
+    def __init__(self, categories: Sequence[Category], labels: LabelMap, names: Sequence[str]) -> None:
+        ids = labels.ids.astype(np.int64)
         known = {category.id: category for category in categories}
         countable = [int(number) in known and known[int(number)].isthing for number in ids]
         bits = object_bits(names)
@@ -183,13 +277,64 @@ def _size(image: NDArray[Any]) -> str:
     return f"{image.shape[1]} x {image.shape[0]}"
 
 
-_LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
+# ---------------------------------------------------------------------------------------------------------------------
+# Boxes of whole objects
+
+
+class CocoBoxes:
+    """Boxes of the segments that are a single object, or its part of one class; may be used by several threads.
+
+    Raises:
+        BagError: the world of the run is not known.
+    """
+
+    def __init__(self, run: Run, labels: LabelMap, names: Sequence[str]) -> None:
+        self._world, self._bits = world_of_run(run), object_bits(names)
+        self._configs = {view.label: view.config for view in run.of(Image, recorded=False)}
+        self._ids = labels.ids
+        self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
+        self._own = threading.local()
+
+    def objects(self) -> dict[int, dict[str, Any]]:
+        """Boxes in the world frame by instance id."""
+        return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
+
+    def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
+        """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
+        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
+        for segment in segments:
+            category, number = divmod(segment.id, 1 << self._bits)
+            if number not in self._boxes:
+                continue
+            labels = frozenset(int(label) for label in np.flatnonzero(self._ids == category))
+            alone = whole.silhouette(number, world_from_optical, labels)
+            keys: dict[str, Any] = {
+                "amodal_bbox": alone.bbox,
+                "amodal_area": alone.pixels,
+                "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
+            }
+            if self._configs[camera].lens.model == "pinhole":
+                bounds = whole.bounds(number, world_from_optical, labels)
+                if bounds is not None:  # from pixel centres to COCO's pixel borders
+                    left, top, right, bottom = (bounds + 0.5).tolist()
+                    keys["amodal_bbox_full"] = [left, top, right - left, bottom - top]
+            found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
+        return found
+
+    def _whole(self, camera: str) -> WholeObjects:
+        own: dict[str, WholeObjects] = vars(self._own)
+        if camera not in own:
+            own[camera] = WholeObjects(self._world, self._configs[camera])
+        return own[camera]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# JSON files
 
 
 class Picture(NamedTuple):
     """An exported image."""
 
-    stamp_ns: int
     row: dict[str, Any]
     """Its row in ``images``, without id and licence."""
     panoptic: str
@@ -251,7 +396,7 @@ class CocoFiles:
 def coco_files(
     run: Run,
     folder: Path,
-    label_map: LabelMap | None,
+    labels: LabelMap,
     categories: Sequence[Category],
     names: Sequence[str],
     about: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
@@ -261,7 +406,7 @@ def coco_files(
     ``about`` has further keys of objects by instance id.
     """
     rows = folder / "images.part"
-    head = _head(run, label_map)
+    head = _head(run, labels)
     objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
     countable = [category for category in categories if category.isthing]
     with ExitStack() as stack:
@@ -293,170 +438,15 @@ def _document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[_Ro
         stream.write("\n]}\n")
 
 
-def _head(run: Run, label_map: LabelMap | None) -> dict[str, Any]:
+def _head(run: Run, labels: LabelMap) -> dict[str, Any]:
     """``info`` and ``licenses`` of both files; the licence is known only for bags that fieldtruth generated."""
     info: dict[str, Any] = {
         "description": f"{run.name}: images with the true class and object of each pixel",
         "version": fieldtruth.__version__,
         "contributor": "fieldtruth",
         "run": run.name,
-        "labels": "fieldtruth" if label_map is None else label_map.name,
+        "labels": labels.name,
     }
     if run.experiment is not None:
         info |= {"environment": run.experiment.environment, "seed": run.experiment.seed}
     return {"info": info, "licenses": [] if run.experiment is None else [_LICENCE]}
-
-
-class CocoBoxes:
-    """Boxes of the segments that are a single object, or its part of one class; may be used by several threads.
-
-    Raises:
-        BagError: the world of the run is not known.
-    """
-
-    def __init__(self, run: Run, label_map: LabelMap | None, names: Sequence[str]) -> None:
-        self._world, self._bits = world_of_run(run), object_bits(names)
-        self._configs = {view.label: view.config for view in run.of(Image, recorded=False)}
-        self._ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
-        self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
-        self._own = threading.local()
-
-    def objects(self) -> dict[int, dict[str, Any]]:
-        """Boxes in the world frame by instance id."""
-        return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
-
-    def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
-        """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
-        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
-        for segment in segments:
-            category, number = divmod(segment.id, 1 << self._bits)
-            if number not in self._boxes:
-                continue
-            labels = frozenset(int(label) for label in np.flatnonzero(self._ids == category))
-            alone = whole.silhouette(number, world_from_optical, labels)
-            keys: dict[str, Any] = {
-                "amodal_bbox": alone.bbox,
-                "amodal_area": alone.pixels,
-                "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
-            }
-            if self._configs[camera].lens.model == "pinhole":
-                bounds = whole.bounds(number, world_from_optical, labels)
-                if bounds is not None:  # from pixel centres to COCO's pixel borders
-                    left, top, right, bottom = (bounds + 0.5).tolist()
-                    keys["amodal_bbox_full"] = [left, top, right - left, bottom - top]
-            found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
-        return found
-
-    def _whole(self, camera: str) -> WholeObjects:
-        own = vars(self._own)
-        if camera not in own:
-            own[camera] = WholeObjects(self._world, self._configs[camera])
-        whole: WholeObjects = own[camera]
-        return whole
-
-
-_PARTS: Final = ("photo", "label", "instance")
-
-
-class Camera(NamedTuple):
-    """What all images of a camera share."""
-
-    about: Mapping[str, Any]
-    """Keys and values of each image's row: frame and calibration."""
-    base_from_optical: Array
-
-
-class _Source(NamedTuple):
-    """What is needed to export a frame."""
-
-    cameras: Mapping[str, Camera]
-    images: Mapping[str, Readings]
-    trajectory: Trajectory
-    numbering: Numbering
-    boxes: CocoBoxes | None
-
-
-def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write the folder.
-
-    Raises:
-        BagError: photographs, tag images, instance images, calibration or poses are missing, or the bag is damaged.
-    """
-    (run,) = runs
-    views = _views_of(run)
-    run.require(table.MODEL_STATES, table.TF_STATIC, *(view.info for view in views))
-    categories = categories_of(options.label_map)
-    for view in views:
-        (target / "images" / view.label).mkdir(parents=True)
-        (target / "panoptic" / view.label).mkdir(parents=True)
-    names, _ = read_objects(run)
-    numbering = Numbering(categories, options.label_map, names)
-    boxes = CocoBoxes(run, options.label_map, names) if options.boxes else None
-    run.streams([view.topics[part] for view in views for part in _PARTS])
-    images = {view.label: run.readings(view.name, _PARTS) for view in views}
-    source = _Source({view.label: _camera(run, view) for view in views}, images, run.trajectory, numbering, boxes)
-    about = {} if boxes is None else boxes.objects()
-    jobs = [(stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()]
-    with (
-        options.progress.stage("images", run.duration_s) as advance,
-        coco_files(run, target, options.label_map, categories, names, about) as files,
-    ):
-        pictures = in_order(sorted(jobs), partial(_write_frame, target, source), options.workers)
-        for picture in counted(pictures, advance, run.duration_s, len(jobs)):
-            files.add(picture)
-    if not jobs:
-        raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
-
-
-def _views_of(run: Run) -> list[Source]:
-    """Views that took photographs, of the cameras with instance images.
-
-    Raises:
-        BagError: the rig has no camera, or a view lacks tag or instance images; the text states how to make those.
-    """
-    every, found = run.of(Image, recorded=False), run.of(Image, "photo")
-    if not every:
-        raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")
-    cameras = {view.device for view in found if view.has(run.counts, "instance")}
-    views = [view for view in found if not cameras or view.device in cameras]
-    run.require(*(view.topics[part] for part in ("photo", "label") for view in views or every))
-    run.require_instances(*(view.topics["instance"] for view in views))
-    return views
-
-
-def _write_frame(target: Path, source: _Source, job: tuple[int, int, str]) -> Picture:
-    """Write the image files of a frame, of a stamp and a camera; on any thread."""
-    stamp, _, camera = job
-    name = f"{camera}/{stamp}"
-    image, photo = with_jpeg(source.images[camera], stamp)
-    try:
-        ids = source.numbering.number(image.label, image.instance)
-    except BagError as error:
-        raise BagError(f"{camera} camera at {stamp} ns: {error}") from error
-    height, width = ids.shape
-    (target / "images" / f"{name}.jpg").write_bytes(photo)
-    (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
-    world_from_optical = source.trajectory.world_from_base(stamp) @ source.cameras[camera].base_from_optical
-    row = {
-        "file_name": f"{name}.jpg",
-        "width": width,
-        "height": height,
-        "stamp_ns": stamp,
-        "camera": camera,
-        **source.cameras[camera].about,
-        "world_from_camera": world_from_optical.tolist(),
-    }
-    segments = segments_of(ids)
-    boxes = {} if source.boxes is None else source.boxes.of(camera, segments, world_from_optical)
-    return Picture(stamp, row, f"{name}.png", segments, boxes)
-
-
-def _camera(run: Run, view: Source) -> Camera:
-    lens = run.calibration.lens(view.name)
-    about = {
-        "frame_id": lens.frame,
-        "camera_matrix": lens.K.tolist(),
-        "distortion_model": lens.model,
-        "distortion": lens.D.tolist(),
-    }
-    return Camera(about, run.calibration.base_from(view.name))

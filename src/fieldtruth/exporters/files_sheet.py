@@ -56,6 +56,8 @@ def write_sheet(
     pixels: Mapping[str, Counts],
     points: Mapping[str, Counts],
     label_map: LabelMap | None = None,
+    *,
+    by_intensity: bool = True,
 ) -> None:
     """Write the workbook of a run.
 
@@ -65,6 +67,7 @@ def write_sheet(
         pixels: (18,) by class id, of each camera by name (``left``, ``right``).
         points: (18,) by class id, of each LiDAR by name.
         label_map: adds a table in the classes of this ontology.
+        by_intensity: whether the class of a point is its intensity, as in the paper.
     """
     columns = [*_columns("pixels", "camera", pixels), *_columns("points", "LiDAR", points)]
     usual = [row.label for row in CLASSES if row.rgb is not None and row.label not in NOT_OF_WORLDS]
@@ -78,7 +81,10 @@ def write_sheet(
             others = [_Class(number, other.name, other.rgb) for number, other in named]
             mapped = [column._replace(counts=_mapped(column.counts, label_map)) for column in columns]
             _write_table(book, f"{label_map.name} classes", others, mapped)
-        _write_explanation(book, name, columns, label_map)
+        sensors = _sensors("camera", len(pixels), "pixels"), _sensors("LiDAR", len(points), "points")
+        first = f"Share of each class in {' and '.join(filter(None, sensors))} of {name}."
+        point = "reflectivity" if by_intensity else "label"
+        _write_explanation(book, [first, *_explanation(columns, point)], label_map)
 
 
 def _columns(what: str, sensor: str, counts: Mapping[str, Counts]) -> Iterator[_Column]:
@@ -169,24 +175,30 @@ def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column])
     sheet.insert_chart(0, 4, chart)
 
 
-def _write_explanation(book: Any, name: str, columns: Sequence[_Column], label_map: LabelMap | None) -> None:
-    sheet = _add_sheet(book, EXPLANATION)
-    sheet.set_column(0, 0, 110, book.add_format({"text_wrap": True, "valign": "top"}))
+def _sensors(what: str, count: int, units: str) -> str:
+    return f"all {units} of the {what}{'s' * (count > 1)}" if count else ""
+
+
+def _explanation(columns: Sequence[_Column], point: str) -> list[str]:
     counted = "; ".join(f"{column.title}: {int(column.counts.sum()):,}" for column in columns)
-    lines = [
-        f"Share of each class in all pixels of the cameras and all points of the LiDAR of {name}.",
+    return [
         f"Counts: {counted}.",
         f"Sheet '{SHARES}': number of pixels and points of each class, and their share in the column's total.",
         f"Sheet '{FIGURE}': shares per unit of the classes that occur, as in Figure 21 of the paper below: "
         "pixels blue, points red.",
         "The class of a pixel is the class of the surface that a ray through its centre hits; it is read from the tag "
         "image.",
-        "The class of a point is the class of the surface that the laser hit; it is the point's reflectivity. Water "
+        f"The class of a point is the class of the surface that the laser hit; it is the point's {point}. Water "
         "and sky return no laser pulse.",
         "Near objects fill more pixels and points than far ones: these are shares of the view, not of the world.",
         "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo: Automatically Annotated "
         "Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations. Sensors 2022, 22(15), 5599.",
     ]
+
+
+def _write_explanation(book: Any, lines: list[str], label_map: LabelMap | None) -> None:
+    sheet = _add_sheet(book, EXPLANATION)
+    sheet.set_column(0, 0, 110, book.add_format({"text_wrap": True, "valign": "top"}))
     if label_map is not None:
         lines.insert(4, f"Sheet '{label_map.name} classes': the same counts by the classes of {label_map.name}.")
     for at, text in enumerate(lines):

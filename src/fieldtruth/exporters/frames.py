@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of a run for data sets of many runs: photographs, labels, clouds, poses and calibration at one stamp.
+"""Runs of a data set with their splits, the sensors that formats choose, and frames: readings of one stamp.
 
-A frame is a stamp at which all recorded images of the chosen cameras exist. It has the clouds with the same stamp.
-Without cameras each cloud is a frame.
+Each run of a published data set belongs to a split and has a name of its own; no world is in two splits. A frame is a
+stamp at which all recorded images of the chosen cameras exist. It has the clouds with the same stamp. Without cameras
+each cloud is a frame.
 """
 
 import re
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.readings import Readings, checked_jpeg, matched, reflectivity
+from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts
@@ -104,6 +105,86 @@ def _names(runs: Sequence[Run]) -> list[str]:
     return names
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Sensors of a run that formats choose
+
+
+def first_lidar(run: Run) -> Source:
+    """Return the first LiDAR of the rig.
+
+    Raises:
+        BagError: the rig has none, or it has no clouds.
+    """
+    lidars = run.of(Cloud, recorded=False)
+    if not lidars:
+        raise BagError(f"the rig of {run.bag} has no LiDAR, and this format is made of clouds")
+    run.require(lidars[0].topic)
+    return lidars[0]
+
+
+def first_views(run: Run) -> list[Source]:
+    """Return the views of the first stereo pair of the rig, without a pair that of its first camera, if any."""
+    views = run.of(Image, recorded=False)
+    device = next((view.device for view in [view for view in views if view.side] or views), None)
+    return [view for view in views if view.device == device]
+
+
+def chosen_of_many(run: Run) -> dict[str, Any]:
+    """Names of LiDAR and cameras of a sequence; empty for a rig with one LiDAR, and one pair or no camera."""
+    views, lidars = [view.label for view in first_views(run)], run.of(Cloud, recorded=False)
+    devices = {view.device for view in run.of(Image, recorded=False)}
+    if len(lidars) <= 1 and len(devices) <= 1 and len(views) != 1:
+        return {}
+    return {"lidar": first_lidar(run).name, "cameras": views}
+
+
+def require_pinholes(run: Run, form: str) -> None:
+    """Check that the photographs are rectified, as ``form`` has them.
+
+    Raises:
+        BagError: the cameras have another lens.
+    """
+    for view in first_views(run):
+        lens = run.calibration.lens(view.name)
+        if not lens.is_pinhole:
+            raise BagError(
+                f"{form} has rectified photographs, and those of {run.bag} have the lens {lens.model!r}; "
+                f"rectify them with {view.info}, or export as coco, webdataset or files, which keep the lens"
+            )
+
+
+def cameras_of(run: Run) -> dict[str, list[Source]]:
+    """Views with photographs and labels, by name of the camera or pair."""
+    views: dict[str, list[Source]] = {}
+    for view in run.of(Image, "photo", "label"):
+        views.setdefault(view.device, []).append(view)
+    return views
+
+
+def require_frames(run: Run, *, clouds: bool) -> None:
+    """Check that a run has photographs with labels, or with ``clouds`` at least clouds.
+
+    Raises:
+        BagError: it names the topics of the first camera and LiDAR.
+    """
+    if cameras_of(run) or (clouds and run.of(Cloud)):
+        return
+    views, lidars = run.of(Image, recorded=False)[:1], run.of(Cloud, recorded=False)[:1]
+    needed = [f"{view.topics['photo']} with {view.topics['label']}" for view in views]
+    needed += [lidar.topic for lidar in lidars if clouds]
+    what = ", or ".join(needed) or f"camera{' or LiDAR' * clouds}"
+    raise BagError(f"{run.bag} has no {what}; available: {', '.join(sorted(run.counts))}")
+
+
+def intensity_is_class(lidar: Source) -> bool:
+    """Whether the field intensity of a LiDAR's points is their class, as in the paper, and not their reflectivity."""
+    return getattr(lidar.config, "intensity", "class") == "class"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Frames
+
+
 LIDAR: Final = "lidar"
 """Name of the LiDAR whose entries are not named after it: the paper's."""
 
@@ -111,8 +192,10 @@ LIDAR: Final = "lidar"
 class View(NamedTuple):
     """Images of a camera."""
 
-    jpeg: bytes
-    """The photograph, byte for byte as in the bag."""
+    photo: bytes
+    """Byte for byte as in the bag."""
+    suffix: str
+    """Ending of a file of the photograph: .jpg or .png."""
     mask: NDArray[np.uint8]
     """(h, w) class ids."""
     extras: dict[str, NDArray[Any]]
@@ -178,9 +261,9 @@ class Frames:
         return Frame(stamp, views, clouds, about)
 
     def _view(self, readings: Readings, stamp: int) -> View:
-        image, jpeg = with_jpeg(readings, stamp)
+        image, photo, suffix = with_photo(readings, stamp)
         extras = {PARTS[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
-        return View(jpeg, np.take(self._ids, image.label), extras)
+        return View(photo, suffix, np.take(self._ids, image.label), extras)
 
     def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:
         fields = cloud.fields()
@@ -195,42 +278,19 @@ class Frames:
         return {name: {field: values[:0] for field, values in cloud.items()} for name, cloud in first.items()}
 
 
-def with_jpeg(readings: Readings, stamp: int) -> tuple[Any, bytes]:
-    """Return the images of a view at a stamp [ns] without the photograph, and this as it is stored.
+def with_photo(readings: Readings, stamp: int) -> tuple[Any, bytes, str]:
+    """Return the images of a view at a stamp [ns] without the photograph, and this as it is stored, with its ending.
 
     Raises:
-        BagError: the images cannot be read, or the photograph is not a JPEG of their size.
+        BagError: the images cannot be read, or the photograph is neither JPEG nor PNG, or has another size.
     """
     row = readings.row_at(stamp)
     assert row is not None
     image = readings.read(row, [part for part in readings.parts if part != "photo"])
     try:
-        return image, checked_jpeg(readings.message(row, "photo"), image.label.shape)
+        return image, *stored_photo(readings.message(row, "photo"), image.label.shape)
     except BagError as error:
         raise BagError(f"{readings.source.topic} at {stamp} ns: {error}") from error
-
-
-def cameras_of(run: Run) -> dict[str, list[Source]]:
-    """Views with photographs and labels, by name of the camera or pair."""
-    views: dict[str, list[Source]] = {}
-    for view in run.of(Image, "photo", "label"):
-        views.setdefault(view.device, []).append(view)
-    return views
-
-
-def require_frames(run: Run, *, clouds: bool) -> None:
-    """Check that a run has photographs with labels, or with ``clouds`` at least clouds.
-
-    Raises:
-        BagError: it names the topics of the first camera and LiDAR.
-    """
-    if cameras_of(run) or (clouds and run.of(Cloud)):
-        return
-    views, lidars = run.of(Image, recorded=False)[:1], run.of(Cloud, recorded=False)[:1]
-    needed = [f"{view.topics['photo']} with {view.topics['label']}" for view in views]
-    needed += [lidar.topic for lidar in lidars if clouds]
-    what = ", or ".join(needed) or f"camera{' or LiDAR' * clouds}"
-    raise BagError(f"{run.bag} has no {what}; available: {', '.join(sorted(run.counts))}")
 
 
 def count_common(run: Run, views: Sequence[Source]) -> int:

@@ -6,27 +6,32 @@ There are two tables, configurations in the words of that library: ``images``, a
 row per cloud. Both have a split each.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.croissant import CROISSANT, croissant_text
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
-from fieldtruth.exporters.huggingface_card import CARD, card_text
+from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
-from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology.label_map import LabelMap
 
+_Row = tuple[dict[str, Any], int]
+"""Values by column, and their size [byte]."""
+_GROUP_BYTES: Final = 32 * 10**6
+"""Rows are written together up to this size, which is in memory."""
+_IMAGE: Final = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 _CLASSES: Final = Column("classes", "classes", "the classes that occur")
 _RUN: Final = Column("run", "string", "name of the run")
 _STAMP: Final = Column("stamp_ns", "int64", "simulated time [ns]")
@@ -93,7 +98,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: a run has neither images with labels nor clouds, or is damaged.
     """
     target.mkdir(parents=True)
-    labels, members = options.label_map or OWN, options.members
+    labels, members = options.labels, options.members
     names = class_names(labels)
     for member in members:
         require_frames(member.run, clouds=True)
@@ -107,7 +112,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             with ParquetFiles(target / name, split, columns, names, options.shard_bytes) as files:
                 for member in members:
                     if member.split == split:
-                        for row, size in rows(member, labels, options):
+                        for row, size in rows(member, options):
                             files.add(row, size)
             if files.written.rows:
                 splits[split] = files.written
@@ -152,33 +157,30 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     return (*_CLOUD_COLUMNS[:4], *found, *_CLOUD_COLUMNS[4:6], *lidar, *_CLOUD_COLUMNS[6:]) if lidars else ()
 
 
-def _images(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
-    """Rows of a run's images with their sizes [byte], camera by camera in time order."""
+def _images(member: Member, options: Options) -> Iterator[_Row]:
+    """Rows of a run's images, camera by camera in time order."""
     for views in cameras_of(member.run).values():
-        for rows in _read(member, "images", Frames(member.run, labels, views), _image_rows, options):
-            yield from rows
+        yield from _rows(member, "images", Frames(member.run, options.labels, views), _image_rows, options)
 
 
-def _clouds(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
-    """Rows of a run's clouds with their sizes [byte], LiDAR by LiDAR in time order."""
+def _clouds(member: Member, options: Options) -> Iterator[_Row]:
+    """Rows of a run's clouds, LiDAR by LiDAR in time order."""
     for lidar in member.run.of(Cloud):
-        for rows in _read(member, "clouds", Frames(member.run, labels, [], [lidar]), _cloud_rows, options):
-            yield from rows
+        yield from _rows(member, "clouds", Frames(member.run, options.labels, [], [lidar]), _cloud_rows, options)
 
 
-def _read(member: Member, what: str, frames: Frames, rows_of: Any, options: Options) -> Iterator[list[Any]]:
-    step = member.run.duration_s / len(frames)
-    with options.progress.stage(f"{member.name}: {what}", member.run.duration_s) as advance:
-        for rows in in_order(range(len(frames)), lambda i: rows_of(member, frames[i]), options.workers):
-            yield rows
-            advance(step)
+def _rows(
+    member: Member, what: str, frames: Frames, rows_of: Callable[[Member, Frame], list[_Row]], options: Options
+) -> Iterator[_Row]:
+    made = options.each(f"{member.name}: {what}", member.run, range(len(frames)), lambda i: rows_of(member, frames[i]))
+    return (row for rows in made for row in rows)
 
 
-def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
+def _image_rows(member: Member, frame: Frame) -> list[_Row]:
     rows = []
     for camera, view in frame.views.items():
         name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
-        images = {"image": (view.jpeg, ".jpg"), "mask": (encode_png(view.mask), ".png")}
+        images = {"image": (view.photo, view.suffix), "mask": (encode_png(view.mask), ".png")}
         if "depth" in view.extras:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
@@ -197,7 +199,7 @@ def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]
     return rows
 
 
-def _cloud_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
+def _cloud_rows(member: Member, frame: Frame) -> list[_Row]:
     ((lidar, cloud),) = frame.clouds.items()
     row: dict[str, Any] = {axis: cloud["xyz"][:, k] for k, axis in enumerate("xyz")}
     row |= {name: values for name, values in cloud.items() if name != "xyz"}
@@ -210,3 +212,75 @@ def _cloud_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]
 def _flat(sensor: Mapping[str, Any], *keys: str) -> dict[str, list[float]]:
     """Matrices row by row, as far as they are known."""
     return {key: np.ravel(sensor[key]).tolist() for key in keys if key in sensor}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Parquet
+
+
+def _arrow_type(column: Column) -> Any:
+    if column.kind == "image":
+        return _IMAGE
+    value = getattr(pa, column.dtype)()
+    return pa.list_(value) if column.is_list else value
+
+
+class ParquetFiles:
+    """Files ``SPLIT-00000-of-00003.parquet`` of a split, as a context; ``written`` is known at its end."""
+
+    def __init__(self, folder: Path, split: str, columns: Sequence[Column], names: Sequence[str], most: int) -> None:
+        self._folder, self._split, self._most = folder, split, most
+        features = {column.name: column.feature(names) for column in columns}
+        metadata = {"huggingface": json.dumps({"info": {"features": features}})}
+        self._schema = pa.schema([(column.name, _arrow_type(column)) for column in columns], metadata=metadata)
+        self._rows: list[Mapping[str, Any]] = []
+        self._waiting = self._size = self._count = self._total = 0
+        self._writer: pq.ParquetWriter | None = None
+        self._parts: list[Path] = []
+        self.written = Written((), 0, 0)
+
+    def __enter__(self) -> "ParquetFiles":
+        return self
+
+    def add(self, row: Mapping[str, Any], size: int) -> None:
+        """Add a row that has ``size`` bytes; missing columns are null."""
+        if self._waiting and self._waiting + size > min(_GROUP_BYTES, self._most):
+            self._flush()
+        self._rows.append(row)
+        self._waiting += size
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        if kind is None and self._rows:
+            self._flush()
+        if self._writer is not None:
+            self._writer.close()
+        if kind is None:
+            self.written = Written(tuple(self._numbered()), self._count, self._total)
+
+    def _flush(self) -> None:
+        columns = [pa.array([row.get(field.name) for row in self._rows], field.type) for field in self._schema]
+        table = pa.Table.from_arrays(columns, schema=self._schema)
+        if self._writer is None or self._size + table.nbytes > self._most:
+            self._writer = self._next_file()
+        self._writer.write_table(table, row_group_size=len(table))
+        self._count += len(table)
+        self._size += table.nbytes
+        self._total += table.nbytes
+        self._rows, self._waiting = [], 0
+
+    def _next_file(self) -> pq.ParquetWriter:
+        if self._writer is not None:
+            self._writer.close()
+        self._folder.mkdir(exist_ok=True)
+        path = self._folder / f"{self._split}.{len(self._parts)}"
+        self._parts.append(path)
+        self._size = 0
+        return pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=["run", "camera", "lidar"])
+
+    def _numbered(self) -> list[Path]:
+        """Rename the files, whose number is now known."""
+        count = len(self._parts)
+        return [
+            part.rename(self._folder / f"{self._split}-{k:05d}-of-{count:05d}.parquet")
+            for k, part in enumerate(self._parts)
+        ]

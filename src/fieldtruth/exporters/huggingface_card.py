@@ -1,22 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The card of a data set for Hugging Face, README.md: a header in YAML that the library and the hub read, and text."""
+"""The two descriptions of a data set for Hugging Face: its card and its Croissant metadata.
 
-from collections.abc import Sequence
+The card, README.md, has a header in YAML that ``datasets`` and the hub read, and text. croissant.json states files with
+checksums, record sets and responsible-AI properties; the vocabularies are Croissant 1.0 and Croissant RAI 1.0 of
+MLCommons (docs.mlcommons.org/croissant).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, NamedTuple
 
 import yaml
 
 import fieldtruth
-from fieldtruth.core.readings import Image
-from fieldtruth.exporters.frames import Member
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
-
-if TYPE_CHECKING:
-    from fieldtruth.exporters.parquet import Table
 
 CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
@@ -24,6 +29,77 @@ LICENCE: Final = "cc-by-4.0"
 
 _SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
 _LARGEST: Final = "1M<n<10M"
+CROISSANT: Final = "croissant.json"
+
+_PARQUET: Final = "application/x-parquet"
+_CC_BY: Final = "https://creativecommons.org/licenses/by/4.0/"
+_TYPES: Final = {
+    "image": "sc:ImageObject",
+    "string": "sc:Text",
+    "float32": "sc:Float",
+    "float64": "sc:Float",
+}
+"""Data type by that of the column; all others are integers."""
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    kind: str
+    """``image``, ``classes``, or an Arrow type by name, with ``[]`` for a list of it: ``int64``, ``float32[]``."""
+    about: str
+
+    @property
+    def is_list(self) -> bool:
+        """Whether a cell has several values."""
+        return self.kind.endswith("[]") or self.kind == "classes"
+
+    @property
+    def dtype(self) -> str:
+        """Name of the type of a value."""
+        return "int64" if self.kind == "classes" else self.kind.removesuffix("[]")
+
+    def feature(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the feature as ``datasets`` stores it in a file; ``names`` are those of the classes."""
+        if self.kind == "image":
+            return {"_type": "Image"}
+        value: dict[str, Any] = {"dtype": self.dtype, "_type": "Value"}
+        if self.kind == "classes":
+            value = {"names": list(names), "_type": "ClassLabel"}
+        return {"feature": value, "_type": "Sequence"} if self.is_list else value
+
+    def card(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the feature as it is written in the card's header."""
+        if self.kind == "classes":
+            named = {str(number): name for number, name in enumerate(names)}
+            return {"name": self.name, "sequence": {"class_label": {"names": named}}}
+        return {"name": self.name, "sequence" if self.is_list else "dtype": self.dtype}
+
+
+class Written(NamedTuple):
+    """Size of the files of a split."""
+
+    files: tuple[Path, ...]
+    rows: int
+    memory_bytes: int
+
+    @property
+    def file_bytes(self) -> int:
+        """Bytes on disk."""
+        return sum(path.stat().st_size for path in self.files)
+
+
+class Table(NamedTuple):
+    """A configuration of a data set for Hugging Face."""
+
+    name: str
+    columns: tuple[Column, ...]
+    splits: Mapping[str, Written]
+
+
+def _text(name: str) -> str:
+    return resources.files("fieldtruth.exporters").joinpath(name).read_text(encoding="utf-8")
 
 
 def title_of(members: Sequence[Member]) -> str:
@@ -40,14 +116,17 @@ def is_own(members: Sequence[Member]) -> bool:
     return all(member.run.experiment is not None for member in members)
 
 
-def content_of(members: Sequence[Member]) -> str:
-    """What the data set has, for its description."""
-    views = [view for member in members for view in member.run.of(Image, recorded=False)]
-    stereo = not views or any(view.side for view in views)
-    return f"{'Stereo photographs' if stereo else 'Photographs'} and LiDAR clouds"
+def content_of(members: Sequence[Member]) -> tuple[str, list[str]]:
+    """Return what the data set has, for its description, and what is labelled: pixel, point."""
+    views = [view for member in members for view in member.run.of(Image, "photo", "label")]
+    kinds = {
+        "pixel": "Stereo photographs" if any(view.side for view in views) else "Photographs" if views else "",
+        "point": "LiDAR clouds" if any(member.run.of(Cloud) for member in members) else "",
+    }
+    return " and ".join(filter(None, kinds.values())), [unit for unit, kind in kinds.items() if kind]
 
 
-def card_text(tables: Sequence["Table"], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
+def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
     """Return the card.
 
     Args:
@@ -56,11 +135,12 @@ def card_text(tables: Sequence["Table"], members: Sequence[Member], labels: Labe
         labels: the classes.
         names: of the classes by id, without gaps.
     """
+    content, units = content_of(members)
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
-    body = Template(text).substitute(
+    body = Template(_text("huggingface.md")).substitute(
         title=title_of(members),
-        content=content_of(members),
+        content=content,
+        units=" and every\n".join(units),
         version=fieldtruth.__version__,
         runs=f"{len(members)} run{'s' * (len(members) != 1)}",
         splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),
@@ -85,7 +165,7 @@ def _origin(members: Sequence[Member]) -> str:
     )
 
 
-def _header(tables: Sequence["Table"], members: Sequence[Member], names: Sequence[str]) -> dict[str, Any]:
+def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[str]) -> dict[str, Any]:
     columns = {column.name for table in tables for column in table.columns}
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
@@ -101,12 +181,12 @@ def _header(tables: Sequence["Table"], members: Sequence[Member], names: Sequenc
     }
 
 
-def _configuration(table: "Table", *, default: bool) -> dict[str, Any]:
+def _configuration(table: Table, *, default: bool) -> dict[str, Any]:
     files = [{"split": split, "path": f"{table.name}/{split}-*"} for split in table.splits]
     return {"config_name": table.name} | ({"default": True} if default else {}) | {"data_files": files}
 
 
-def _info(table: "Table", names: Sequence[str]) -> dict[str, Any]:
+def _info(table: Table, names: Sequence[str]) -> dict[str, Any]:
     splits = [
         {"name": split, "num_bytes": written.memory_bytes, "num_examples": written.rows}
         for split, written in table.splits.items()
@@ -124,7 +204,7 @@ def _use(name: str, split: str) -> str:
     return f'{name} = load_dataset("FOLDER", "{name}", split="{split}")'
 
 
-def _split_rows(tables: Sequence["Table"]) -> list[Sequence[object]]:
+def _split_rows(tables: Sequence[Table]) -> list[Sequence[object]]:
     return [
         (f"`{table.name}`", split, written.rows, f"{written.file_bytes / 1e6:.1f}")
         for table in tables
@@ -132,7 +212,7 @@ def _split_rows(tables: Sequence["Table"]) -> list[Sequence[object]]:
     ]
 
 
-def _columns(table: "Table") -> str:
+def _columns(table: Table) -> str:
     return f"### {table.name}\n\n" + _table(("column", ""), [(f"`{c.name}`", c.about) for c in table.columns])
 
 
@@ -145,3 +225,134 @@ def _member_row(member: Member) -> Sequence[object]:
 def _table(head: Sequence[str], rows: Any) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# croissant.json
+
+
+def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Member], labels: LabelMap) -> str:
+    """Return the content of croissant.json for the Parquet files in ``folder``.
+
+    Licence and responsible-AI properties are known only if fieldtruth generated all runs.
+    """
+    fixed = yaml.safe_load(_text("croissant.yaml"))
+    distribution: list[dict[str, Any]] = []
+    for table in tables:
+        paths = [path for written in table.splits.values() for path in written.files]
+        distribution += [_file_object(path, folder) for path in paths]
+        distribution.append(_file_set(table))
+    content, units = content_of(members)
+    limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
+    own = {}
+    if is_own(members):
+        own = {"license": _CC_BY, "citeAs": fixed["citeAs"]} | _responsible(members, fixed["rai"], limits)
+    document = {
+        "@context": fixed["context"] | {term: f"cr:{term}" for term in fixed["terms"]} | fixed["context_after_terms"],
+        "@type": "sc:Dataset",
+        "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
+        "name": title_of(members),
+        "description": (
+            f"{content} of a ground robot in natural environments, with the class of every "
+            f"{' and '.join(units)}. Written by fieldtruth {fieldtruth.__version__}."
+        ),
+        "version": "1.0.0",
+        "keywords": ["robotics", "lidar", "semantic segmentation", "off-road", "synthetic"],
+        **own,
+        "creator": {"@type": "sc:Organization", "name": "fieldtruth"},
+        "isLiveDataset": False,
+        "distribution": distribution,
+        "recordSet": [_classes(labels), *map(_record_set, tables)],
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Sequence[str]) -> dict[str, Any]:
+    """Return the responsible-AI properties of runs that fieldtruth generated."""
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
+    collection = f"Simulated by fieldtruth: {collection_of(made)}; cameras and LiDAR are ray tracers."
+    biases = [conditions_of(made), *fixed["dataBiases"]]
+    values = {**fixed} | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
+    return {f"rai:{key}": value for key, value in values.items()}
+
+
+def _file_object(path: Path, folder: Path) -> dict[str, Any]:
+    name = path.relative_to(folder).as_posix()
+    return {
+        "@type": "cr:FileObject",
+        "@id": name,
+        "name": name,
+        "contentUrl": name,
+        "contentSize": f"{path.stat().st_size} B",
+        "encodingFormat": _PARQUET,
+        "sha256": sha256_of(path),
+    }
+
+
+def _file_set(table: Table) -> dict[str, Any]:
+    name = f"{table.name}-files"
+    return {
+        "@type": "cr:FileSet",
+        "@id": name,
+        "name": name,
+        "description": f"The Parquet files of {table.name}, of all splits.",
+        "encodingFormat": _PARQUET,
+        "includes": f"{table.name}/*.parquet",
+    }
+
+
+def _classes(labels: LabelMap) -> dict[str, Any]:
+    """The record set of the classes, whose records are in the metadata."""
+    rows = [
+        {"classes/id": number, "classes/name": name, "classes/rgb": " ".join(map(str, rgb))}
+        for number, (name, rgb) in sorted(labels.classes.items())
+    ]
+    fields = [("id", "sc:Integer"), ("name", "sc:Text"), ("rgb", "sc:Text")]
+    return {
+        "@type": "cr:RecordSet",
+        "@id": "classes",
+        "name": "classes",
+        "description": f"Id, name and colour of each class of {labels.name}.",
+        "dataType": "sc:Enumeration",
+        "key": {"@id": "classes/id"},
+        "field": [
+            {"@type": "cr:Field", "@id": f"classes/{name}", "name": name, "dataType": kind} for name, kind in fields
+        ],
+        "data": rows,
+    }
+
+
+def _record_set(table: Table) -> dict[str, Any]:
+    files = {"fileSet": {"@id": f"{table.name}-files"}}
+    split = {
+        "@type": "cr:Field",
+        "@id": f"{table.name}/split",
+        "name": "split",
+        "description": "train, val or test",
+        "dataType": "sc:Text",
+        "source": files
+        | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
+    }
+    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
+    return {
+        "@type": "cr:RecordSet",
+        "@id": table.name,
+        "name": table.name,
+        "key": [{"@id": f"{table.name}/{name}"} for name in keys],
+        "field": [split, *(_field(table.name, column, files) for column in table.columns)],
+    }
+
+
+def _field(name: str, column: Column, files: dict[str, Any]) -> dict[str, Any]:
+    source = files | {"extract": {"column": column.name}}
+    if column.kind == "image":
+        source |= {"transform": {"jsonPath": "bytes"}}
+    return {
+        "@type": "cr:Field",
+        "@id": f"{name}/{column.name}",
+        "name": column.name,
+        "description": column.about,
+        "dataType": _TYPES.get(column.dtype, "sc:Integer"),
+        **({"repeated": True} if column.is_list else {}),
+        "source": source,
+    }

@@ -21,22 +21,20 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.progress import counted
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, area, clipped, visible_pixels, world_of_run
-from fieldtruth.exporters.sequences import (
+from fieldtruth.exporters.frames import first_lidar
+from fieldtruth.exporters.kitti import (
     CLOUDS,
     Geometry,
     Pair,
     calib_text,
-    first_lidar,
-    first_views,
     paired,
     read_geometry,
-    require_pinholes,
-    xyz_and_reflectance,
+    rectified_views,
+    row_text,
+    write_cloud,
 )
 from fieldtruth.world.boxes import OrientedBox, box_around, outermost
 from fieldtruth.world.model import World
@@ -91,12 +89,9 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             pinholes, or its world is not known.
     """
     (run,) = runs
-    if not (views := first_views(run)):
-        raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
-    view = views[0]
-    run.require(first_lidar(run).topic, view.topics["photo"], *(each.info for each in views))
+    view = rectified_views(run)[0]
+    run.require(view.topics["photo"])
     run.require_instances(view.topics["instance"])
-    require_pinholes(run, "KITTI")
     with options.progress.stage("build the world"):
         world = world_of_run(run)
     clouds = run.readings(first_lidar(run).name, labelled=False)
@@ -105,12 +100,9 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     folder = target / "training"
     for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
         (folder / name).mkdir(parents=True)
-    pairs = paired(clouds.stamps_ns, [images.stamps_ns])
-    with options.progress.stage("frames and boxes", run.duration_s) as advance:
-        work = in_order(enumerate(pairs), partial(_save, source, folder), options.workers)
-        stamps = list(counted(work, advance, run.duration_s, len(pairs)))
-    if not stamps:
+    if not (pairs := paired(clouds.stamps_ns, [images.stamps_ns])):
         raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
+    stamps = list(options.each("frames and boxes", run, list(enumerate(pairs)), partial(_save, source, folder)))
     numbers = [f"{k:06d}\n" for k in range(len(stamps))]
     (target / "ImageSets").mkdir()
     (target / "ImageSets" / "train.txt").write_text("".join(numbers), encoding="ascii")
@@ -123,7 +115,7 @@ def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:
     number, pair = f"{numbered[0]:06d}", numbered[1]
     image = source.images.read(pair.images[0])
     (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image.photo))
-    xyz_and_reflectance(source.clouds.read(pair.cloud)).tofile(folder / CLOUDS / f"{number}.bin")
+    write_cloud(folder / CLOUDS / f"{number}.bin", source.clouds.read(pair.cloud))
     (folder / "calib" / f"{number}.txt").write_text(_calib(source.geometry), encoding="ascii")
     world_from_cam0 = source.trajectory.world_from_base(pair.stamp_ns) @ source.geometry.base_from_cam0
     labels, shares = _lines(source, image.instance, world_from_cam0)
@@ -134,9 +126,9 @@ def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:
 
 def _calib(geometry: Geometry) -> str:
     """Calibration of a frame: names and rotations that the devkit of objects has instead of those of odometry."""
-    own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:").splitlines(keepends=True)
     rows = {"R0_rect": np.eye(3), "Tr_imu_to_velo": np.eye(3, 4)}
-    return "".join(own) + "".join(f"{name}: {' '.join(f'{x:.12e}' for x in m.ravel())}\n" for name, m in rows.items())
+    own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:")
+    return own + "".join(f"{name}: {row_text(matrix)}\n" for name, matrix in rows.items())
 
 
 def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, str]:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs in the layout of MMSegmentation's ``BaseSegDataset``, with a configuration file that reads it.
 
-``img_dir/SPLIT/RUN_CAMERA_STAMP.jpg`` are the photographs, ``ann_dir/SPLIT/RUN_CAMERA_STAMP.png`` their train ids.
+``img_dir/SPLIT/RUN_CAMERA_STAMP.jpg`` are the photographs (or .png, as recorded), ``ann_dir/SPLIT/...png`` their train
+ids.
 """
 
 from collections.abc import Sequence
@@ -13,9 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import Label
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import SPLITS, Frames, Member, cameras_of, require_frames
@@ -61,7 +62,7 @@ ${split}_dataloader = dict(
         type=dataset_type,
         data_root=data_root,
         data_prefix=dict(img_path='img_dir/$split', seg_map_path='ann_dir/$split'),
-        img_suffix='.jpg',
+        img_suffix='$suffix',
         seg_map_suffix='.png',
         metainfo=metainfo,
         reduce_zero_label=False,
@@ -74,17 +75,18 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder: photographs, train ids and dataset.py.
 
     Raises:
-        BagError: a run has no photographs with tag images, or is damaged.
+        BagError: a run has no photographs with tag images, or is damaged, or some photographs are JPEG and others PNG.
     """
-    labels = options.label_map or OWN
+    labels = options.labels
     numbers = train_ids(labels)
     present = [split for split in SPLITS if any(member.split == split for member in options.members)]
     for split in present:
         (target / "img_dir" / split).mkdir(parents=True)
         (target / "ann_dir" / split).mkdir(parents=True)
-    for member in options.members:
-        _write_run(member, target, numbers, options)
-    (target / CONFIG).write_text(_config(labels, numbers, present), encoding="utf-8")
+    suffixes = {suffix for member in options.members for suffix in _write_run(member, target, numbers, options)}
+    if len(suffixes) > 1:
+        raise BagError(f"MMSegmentation reads photographs of one format; those of these runs are {sorted(suffixes)}")
+    (target / CONFIG).write_text(_config(labels, present, *suffixes), encoding="utf-8")
 
 
 def train_ids(labels: LabelMap) -> NDArray[np.uint8]:
@@ -99,24 +101,24 @@ def _classes(labels: LabelMap) -> list[int]:
     return sorted({*labels.classes} - {int(labels.ids[Label.VOID])})
 
 
-def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> None:
+def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> set[str]:
+    """Write photographs and train ids of a run; return the endings of the photographs."""
     require_frames(member.run, clouds=False)
     cameras = [Frames(member.run, OWN, views, extras=()) for views in cameras_of(member.run).values()]
 
-    def save(frame_of: tuple[Frames, int]) -> None:
+    def save(frame_of: tuple[Frames, int]) -> set[str]:
         frame = frame_of[0][frame_of[1]]
         for camera, view in frame.views.items():
             name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
-            (target / "img_dir" / member.split / f"{name}.jpg").write_bytes(view.jpeg)
+            (target / "img_dir" / member.split / f"{name}{view.suffix}").write_bytes(view.photo)
             (target / "ann_dir" / member.split / f"{name}.png").write_bytes(encode_png(np.take(numbers, view.mask)))
+        return {view.suffix for view in frame.views.values()}
 
-    step = member.run.duration_s / sum(map(len, cameras))
-    with options.progress.stage(f"{member.name}: images", member.run.duration_s) as advance:
-        for _ in in_order(((frames, i) for frames in cameras for i in range(len(frames))), save, options.workers):
-            advance(step)
+    jobs = [(frames, i) for frames in cameras for i in range(len(frames))]
+    return {suffix for found in options.each(f"{member.name}: images", member.run, jobs, save) for suffix in found}
 
 
-def _config(labels: LabelMap, numbers: NDArray[np.uint8], present: Sequence[str]) -> str:
+def _config(labels: LabelMap, present: Sequence[str], suffix: str) -> str:
     used = _classes(labels)
     head = _HEAD.substitute(
         config=CONFIG,
@@ -127,13 +129,13 @@ def _config(labels: LabelMap, numbers: NDArray[np.uint8], present: Sequence[str]
         classes=tuple(labels.classes[number].name for number in used),
         palette=[list(labels.classes[number].rgb) for number in used],
     )
-    return head + "".join(map(_loader, present))
+    return head + "".join(_loader(split, suffix) for split in present)
 
 
-def _loader(split: str) -> str:
+def _loader(split: str, suffix: str) -> str:
     if split == "train":
         return _LOADER.substitute(
-            split=split, batch=4, sampler="InfiniteSampler", shuffle=True, pipeline="train_pipeline"
+            split=split, suffix=suffix, batch=4, sampler="InfiniteSampler", shuffle=True, pipeline="train_pipeline"
         )
-    loader = _LOADER.substitute(split=split, batch=1, sampler="DefaultSampler", shuffle=False, pipeline="test_pipeline")
-    return loader + _EVALUATOR.substitute(split=split)
+    values = {"batch": 1, "sampler": "DefaultSampler", "shuffle": False, "pipeline": "test_pipeline"}
+    return _LOADER.substitute(values, split=split, suffix=suffix) + _EVALUATOR.substitute(split=split)

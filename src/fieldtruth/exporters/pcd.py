@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, PALETTE
-from fieldtruth.core.parallel import in_order
-from fieldtruth.core.progress import counted
+from fieldtruth.core.classes import Label
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR
-from fieldtruth.exporters.sequences import first_lidar
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.exporters.frames import LIDAR, first_lidar, intensity_is_class
+from fieldtruth.ontology.label_map import OWN, LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
 """PCD's TYPE by NumPy's dtype kind."""
@@ -33,7 +30,7 @@ One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in n
   transforms the points of all clouds into one map.
 - `rgb`: the colour of the class, packed as in PCL (0x00RRGGBB in the bits of a float).
 - `label`: the id of the class, see the table.
-- All other fields are those of the bag. In a run of fieldtruth they are `intensity` (fieldtruth's id of the class),
+- All other fields are those of the bag. In a run of fieldtruth they are `intensity` ({intensity}),
   `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
   `t` [ns] after the stamp. From a LiDAR with a signal also `true_range` [m], `signal` [photon], `reflectivity` (1 for a
   white surface; an Ouster's in percent), `echo` and `mixed`.
@@ -55,33 +52,24 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     lidars = run.of(Cloud) or [first_lidar(run)]
     mounts, trajectory = {each.name: run.calibration.base_from(each.name) for each in lidars}, run.trajectory
     folders = {lidar.name: target / ("" if lidar.name == LIDAR else lidar.name) for lidar in lidars}
-    ids, colours = _ids_and_colours(options.label_map)
     run.streams([lidar.topic for lidar in lidars])
     clouds = {lidar.name: run[lidar.name] for lidar in lidars}
     for folder in (target, *folders.values()):
         folder.mkdir(exist_ok=True)
-    (target / "README.md").write_text(_readme(run, options.label_map), encoding="utf-8")
+    (target / "README.md").write_text(_readme(run, options.labels), encoding="utf-8")
 
     def save(job: tuple[int, str, int]) -> None:
         stamp, name, row = job
         world_from_lidar = trajectory.world_from_base(stamp) @ mounts[name]
-        rows = _with_colours(clouds[name].read(row), ids, colours)
+        rows = _with_colours(clouds[name].read(row), options.labels)
         (folders[name] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
     jobs = sorted((s, name, row) for name, each in clouds.items() for row, s in enumerate(each.stamps_ns.tolist()))
-    with options.progress.stage("write the clouds", run.duration_s) as advance:
-        for _ in counted(in_order(jobs, save, options.workers), advance, run.duration_s, len(jobs)):
-            pass
+    for _ in options.each("write the clouds", run, jobs, save):
+        pass
 
 
-def _ids_and_colours(label_map: LabelMap | None) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Written id by class id (18,), and RGB by written id (n, 3)."""
-    if label_map is None:
-        return np.arange(len(CLASSES), dtype=np.uint8), PALETTE
-    return label_map.ids, label_map.colours()
-
-
-def _with_colours(cloud: Cloud, ids: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.void]:
+def _with_colours(cloud: Cloud, labels: LabelMap) -> NDArray[np.void]:
     """Points as stored: x, y, z, rgb, label (32 bits, as in PCL's PointXYZRGBL), then all other fields."""
     fields = {name: values for name, values in cloud.fields().items() if name not in ("rgb", "label")}
     kinds = [(name, values.dtype, values.shape[1:]) for name, values in fields.items()]
@@ -90,8 +78,8 @@ def _with_colours(cloud: Cloud, ids: NDArray[np.uint8], colours: NDArray[np.uint
     rows = np.empty(len(cloud.xyz), [*axes, ("rgb", "<u4"), ("label", "<u4"), *others])
     for name, values in fields.items():
         rows[name] = values
-    rows["label"] = ids[cloud.label]
-    red, green, blue = colours[rows["label"]].astype(np.uint32).T
+    rows["label"] = labels.ids[cloud.label]
+    red, green, blue = labels.colours()[rows["label"]].astype(np.uint32).T
     rows["rgb"] = red << 16 | green << 8 | blue
     return rows
 
@@ -118,12 +106,12 @@ def _header(rows: NDArray[np.void], world_from_lidar: Array) -> bytes:
     return f"# .PCD v0.7 - Point Cloud Data file format\n{text}".encode("ascii")
 
 
-def _readme(run: Run, label_map: LabelMap | None) -> str:
-    if label_map is None:
-        rows = [(c.label.value, c.name, c.rgb) for c in CLASSES if c.rgb is not None]
-    else:
-        rows = [(number, other.name, other.rgb) for number, other in sorted(label_map.classes.items())]
+def _readme(run: Run, labels: LabelMap) -> str:
+    own_void = int(Label.VOID) if labels is OWN else None
+    rows = [(number, name, rgb) for number, (name, rgb) in sorted(labels.classes.items()) if number != own_void]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
     others = [f"`{lidar.name}/`" for lidar in run.of(Cloud) if lidar.name != LIDAR]
     folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
-    return _README.format(name=run.name, folders=folders) + "".join(lines)
+    by_class = all(map(intensity_is_class, run.of(Cloud)))
+    intensity = "fieldtruth's id of the class" if by_class else "that of the class or the reflectivity"
+    return _README.format(name=run.name, folders=folders, intensity=intensity) + "".join(lines)

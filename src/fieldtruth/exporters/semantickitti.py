@@ -22,25 +22,11 @@ from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.progress import counted
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import (
-    CLOUDS,
-    IMAGES,
-    Geometry,
-    calib_text,
-    chosen_of_many,
-    first_lidar,
-    first_views,
-    has_cameras,
-    poses_text,
-    read_geometry,
-    times_text,
-    xyz_and_reflectance,
-)
+from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views
+from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_cameras, read_geometry, write_cloud, write_motion
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
@@ -83,20 +69,16 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)
         for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True))
     ]
-    description = _description(runs, written, options.label_map or OWN)
+    description = _description(runs, written, options.labels)
     text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
     (target / "fieldtruth.yaml").write_text(_HEADER + text, encoding="utf-8")
 
 
 def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:
-    trajectory = run.trajectory
     stamps_ns, counts = _write_clouds(run, folder, options)
-    world_from_cam0 = np.array([trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in stamps_ns])
-    (folder / "poses.txt").write_text(poses_text(world_from_cam0), encoding="ascii")
-    (folder / "times.txt").write_text(times_text(stamps_ns), encoding="ascii")
-    (folder / "calib.txt").write_text(calib_text(geometry), encoding="ascii")
+    world_from_cam0 = write_motion(run, geometry, stamps_ns, folder, folder / "poses.txt")
     images = _write_images(run, stamps_ns, folder, options) if has_cameras(run) else 0
-    return _Written(stamps_ns, counts, images, world_from_cam0[0])
+    return _Written(stamps_ns, counts, images, world_from_cam0)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -105,7 +87,7 @@ def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options
 
 def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], Counts]:
     """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
-    ids = (options.label_map or OWN).ids
+    ids = (options.labels).ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     clouds = run[first_lidar(run).name]
@@ -114,15 +96,13 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     def save(number: int) -> Counts:
         cloud: Cloud = clouds.read(number)
         mapped = ids[cloud.label].astype("<u4")
-        xyz_and_reflectance(cloud).tofile(folder / CLOUDS / f"{number:06d}.bin")
+        write_cloud(folder / CLOUDS / f"{number:06d}.bin", cloud)
         word = mapped | _instances(cloud, run) << np.uint32(16)
         word.astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
         return np.bincount(mapped, minlength=256)
 
-    with options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
-        work = in_order(range(len(clouds)), save, options.workers)
-        for count in counted(work, advance, run.duration_s, len(clouds)):
-            counts += count
+    for count in options.each(f"{run.name}: clouds", run, range(len(clouds)), save):
+        counts += count
     return clouds.stamps_ns.tolist(), counts
 
 
@@ -154,9 +134,7 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
         (images / f"{number:06d}.png").write_bytes(encode_png(photos.read(row).photo))
         return 1
 
-    with options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
-        work = in_order(sorted(jobs, key=lambda job: job[0]), save, options.workers)
-        return sum(counted(work, advance, run.duration_s, len(jobs)))
+    return sum(options.each(f"{run.name}: images", run, sorted(jobs, key=lambda job: job[0]), save))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -1,10 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Export configuration files of SLAM programs for a run: topics, mounts, lenses, LiDAR and noise of its rig."""
+"""Export configuration files of SLAM programs for a run: topics, mounts, lenses, LiDAR and noise of its rig.
+
+Programs take one LiDAR, one IMU and one camera. Of a rig with several sensors these are the first LiDAR, the first IMU
+and the first stereo pair, without a pair the first camera. Mounts, lenses and fields of points are those of the
+messages in the bag.
+
+``slam/*.yaml`` are the files with ``$names`` in place of the values that depend on the rig. Keys and conventions are
+those of the sources named at each function, which returns the files by name, or in one line why the program cannot read
+these sensors.
+"""
 
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -17,14 +28,20 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import write_mapping
+from fieldtruth.core.yaml_io import parse_mapping, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import first_views
+from fieldtruth.exporters.frames import first_views
 from fieldtruth.exporters.tum import tum_text
 
+Files = dict[str, str]
+"""Text by name of the file."""
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
 """Datatypes of sensor_msgs/PointField."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The sensors of a run
 
 
 class ImuNoise(NamedTuple):
@@ -185,30 +202,26 @@ def _view(run: Run, view: Source) -> ViewFacts:
     )
 
 
-Files = dict[str, str]
-"""Text by name of the file."""
-_LEAST_VARIANCE: Final = (0.1, 0.1, 1e-4, 1e-4)
-"""acc_cov, gyr_cov, b_acc_cov, b_gyr_cov in every file of hku-mars/FAST_LIO 7cc4175: with room for vibration and for
-what the filter neglects, more than most IMUs have of noise."""
+# ---------------------------------------------------------------------------------------------------------------------
+# LiDAR odometry
+
+
+_LEAST_VARIANCE: Final = {"acc_cov": 0.1, "gyr_cov": 0.1, "b_acc_cov": 1e-4, "b_gyr_cov": 1e-4}
+"""In every file of hku-mars/FAST_LIO 7cc4175: with room for vibration and for what the filter neglects, more than most
+IMUs have of noise."""
 _MARSIM, _VELODYNE, _OUSTER = 4, 2, 3
 """FAST-LIO2's lidar_type: points without time, with ``time``, with ``t``."""
 _SECOND, _NANOSECOND = 0, 3
 """Its timestamp_unit."""
-
-
-def numbers(values: Any) -> list[float]:
-    """Row by row, without rounding errors of a rotation by right angles."""
-    flat: list[float] = (np.round(np.asarray(values, np.float64), 12) + 0.0).ravel().tolist()
-    return flat
+_NO_NOISE: Final = "# The IMU reads exactly; its noise here is assumed, because filters divide by it.\n"
 
 
 def kiss_icp(facts: Facts) -> Files | str:
     """KISS-ICP 1.3 (PRBonn/kiss-icp 4bd9a10, config/config.py). Its poses are those of the LiDAR's frame."""
-    if (lidar := facts.lidar) is None:
+    if facts.lidar is None:
         return "no LiDAR"
-    data = {"max_range": lidar.max_range, "min_range": lidar.min_range, "deskew": lidar.has_t}
-    head = f"# KISS-ICP: kiss_icp_pipeline --topic {lidar.topic} --config kiss_icp.yaml BAG\n"
-    return {"kiss_icp.yaml": head + write_mapping({"data": data})}
+    head = f"# KISS-ICP: kiss_icp_pipeline --topic {facts.lidar.topic} --config kiss_icp.yaml BAG\n"
+    return {"kiss_icp.yaml": head + write_mapping(_filled("kiss_icp", facts))}
 
 
 def rko_lio(facts: Facts) -> Files | str:
@@ -216,15 +229,10 @@ def rko_lio(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    lidar_from_imu = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
-    values = {
-        "deskew": lidar.has_t,
-        "min_range": lidar.min_range,
-        "max_range": lidar.max_range,
-        "extrinsic_lidar2base_quat_xyzw_xyz": _quaternion_and_position(np.eye(4)),
-        "extrinsic_imu2base_quat_xyzw_xyz": _quaternion_and_position(lidar_from_imu),
-    }
+    pose = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
+    xyzw = transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(pose[:3, :3]))
     head = f"# RKO-LIO: rko_lio --config rko_lio.yaml --lidar {lidar.topic} --imu {imu.topic} FOLDER_OF_THE_BAG\n"
+    values = _filled("rko_lio", facts, lidar_from_imu=_numbers([*xyzw, *pose[:3, 3]]))
     return {"rko_lio.yaml": head + write_mapping(values)}
 
 
@@ -245,25 +253,15 @@ def lio_sam(facts: Facts) -> Files | str:
         sensor = "velodyne"
     else:
         return "it reads a ring of 8 bits with t, or of 16 bits with time; set time_field: time or point_fields: ouster"
-    lidar_from_imu = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
-    rotation, noise = numbers(lidar_from_imu[:3, :3]), imu.noise
-    values = {
-        "pointCloudTopic": lidar.topic, "imuTopic": imu.topic, "odomTopic": "odometry/imu", "gpsTopic": "odometry/gpsz",
-        "lidarFrame": lidar.frame, "baselinkFrame": "base_link", "odometryFrame": "odom", "mapFrame": "map",
-        "useImuHeadingInitialization": False, "useGpsElevation": False,
-        "sensor": sensor, "N_SCAN": lidar.rings, "Horizon_SCAN": lidar.columns, "downsampleRate": 1,
-        "lidarMinRange": lidar.min_range, "lidarMaxRange": lidar.max_range,
-        "imuAccNoise": noise.accelerometer, "imuGyrNoise": noise.gyroscope,
-        "imuAccBiasN": noise.accelerometer_walk, "imuGyrBiasN": noise.gyroscope_walk,
-        "imuGravity": GRAVITY, "imuRPYWeight": 0.01,
-        "extrinsicTrans": numbers(lidar_from_imu[:3, 3]), "extrinsicRot": rotation, "extrinsicRPY": list(rotation),
-        "edgeThreshold": 1.0, "surfThreshold": 0.1, "edgeFeatureMinValidNum": 10, "surfFeatureMinValidNum": 100,
-        "odometrySurfLeafSize": 0.4, "mappingCornerLeafSize": 0.2, "mappingSurfLeafSize": 0.4,
-        "z_tollerance": 1000.0, "rotation_tollerance": 1000.0, "numberOfCores": 4, "mappingProcessInterval": 0.15,
-        "loopClosureEnableFlag": True, "loopClosureFrequency": 1.0, "surroundingKeyframeSize": 50,
-    }  # fmt: skip
-    head = "# LIO-SAM: config/params.yaml. Its other keys keep their defaults.\n" + _about_noise(facts)
-    return {"lio_sam.yaml": head + write_mapping({"lio_sam": values})}
+    values = _filled(
+        "lio_sam",
+        facts,
+        sensor=sensor,
+        gravity=GRAVITY,
+        **_rotation_and_position(transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu),
+    )
+    head = "# LIO-SAM: config/params.yaml. Its other keys keep their defaults.\n" + _NO_NOISE * imu.assumed
+    return {"lio_sam.yaml": head + write_mapping(values)}
 
 
 def fast_lio2(facts: Facts) -> Files | str:
@@ -275,86 +273,69 @@ def fast_lio2(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    imu_from_lidar = transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar
     kind, unit = (_OUSTER, _NANOSECOND) if lidar.has_t else (_MARSIM, _SECOND)
     if lidar.has_time:
         kind, unit = _VELODYNE, _SECOND
     noise = imu.noise
     densities = (noise.accelerometer, noise.gyroscope, noise.accelerometer_walk, noise.gyroscope_walk)
-    variances = [max(d * d * imu.rate_hz, least) for d, least in zip(densities, _LEAST_VARIANCE, strict=True)]
-    values = {
-        "common": {
-            "lid_topic": lidar.topic, "imu_topic": imu.topic, "time_sync_en": False, "time_offset_lidar_to_imu": 0.0,
-        },
-        "preprocess": {
-            "lidar_type": kind, "scan_line": lidar.rings, "scan_rate": round(lidar.rate_hz), "timestamp_unit": unit,
-            "blind": lidar.min_range,
-        },
-        "mapping": {
-            **dict(zip(("acc_cov", "gyr_cov", "b_acc_cov", "b_gyr_cov"), variances, strict=True)),
-            "fov_degree": 90.0 if lidar.pattern == "avia" else 180.0,
-            "det_range": lidar.max_range,
-            "extrinsic_est_en": False,
-            "extrinsic_T": numbers(imu_from_lidar[:3, 3]),
-            "extrinsic_R": numbers(imu_from_lidar[:3, :3]),
-        },
-        "publish": {
-            "path_en": True, "scan_publish_en": True, "dense_publish_en": True, "scan_bodyframe_pub_en": True,
-        },
-        "pcd_save": {"pcd_save_en": False, "interval": -1},
-    }  # fmt: skip
-    head = "# FAST-LIO2: a file for its folder config; *_cov are at least those of its own files.\n"
-    return {"fast_lio2.yaml": head + _about_noise(facts) + write_mapping(values)}
-
-
-def _about_noise(facts: Facts) -> str:
-    """A comment where the IMU reads exactly."""
-    if facts.imu is None or not facts.imu.assumed:
-        return ""
-    return "# The IMU reads exactly; its noise here is assumed, because filters divide by it.\n"
-
-
-def _quaternion_and_position(a_from_b: Array) -> list[float]:
-    return numbers(
-        [*transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(a_from_b[:3, :3])), *a_from_b[:3, 3]]
+    pairs = zip(_LEAST_VARIANCE.items(), densities, strict=True)
+    values = _filled(
+        "fast_lio2",
+        facts,
+        kind=kind,
+        unit=unit,
+        rate=round(lidar.rate_hz),
+        fov=90.0 if lidar.pattern == "avia" else 180.0,
+        **{key: max(density * density * imu.rate_hz, least) for (key, least), density in pairs},
+        **_rotation_and_position(transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar),
     )
+    head = "# FAST-LIO2: a file for its folder config; *_cov are at least those of its own files.\n"
+    return {"fast_lio2.yaml": head + _NO_NOISE * imu.assumed + write_mapping(values)}
+
+
+def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
+    """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
+    name = f"{template}.yaml"
+    text = resources.files("fieldtruth.exporters").joinpath("slam", name).read_text(encoding="utf-8")
+
+    def fill(node: Any) -> Any:
+        if isinstance(node, dict):
+            return {key: fill(each) for key, each in node.items()}
+        if not (isinstance(node, str) and node.startswith("$")):
+            return node
+        found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
+        return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
+
+    filled: dict[str, Any] = fill(parse_mapping(text, name))
+    return filled
+
+
+def _numbers(values: Any) -> list[float]:
+    """Return numbers row by row, without rounding errors of a rotation by right angles."""
+    flat: list[float] = (np.round(np.asarray(values, np.float64), 12) + 0.0).ravel().tolist()
+    return flat
+
+
+def _rotation_and_position(a_from_b: Array) -> dict[str, list[float]]:
+    return {"rotation": _numbers(a_from_b[:3, :3]), "position": _numbers(a_from_b[:3, 3])}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Visual SLAM
 
 
 _YAML: Final = "%YAML:1.0\n"
-"""The first line of a file that FileStorage reads."""
+"""The first line of a file that OpenCV's FileStorage reads."""
 _ITEM: Final = re.compile(r"^( *)- ", re.MULTILINE)
 """Beginning of an item of a list, which FileStorage wants further to the right than the list's key."""
-_ESTIMATOR: Final[Mapping[str, Any]] = {
-    "verbosity": "INFO", "use_fej": True, "integration": "rk4",
-    "calib_cam_extrinsics": False, "calib_cam_intrinsics": False, "calib_cam_timeoffset": False,
-    "calib_imu_intrinsics": False, "calib_imu_g_sensitivity": False,
-    "max_clones": 11, "max_slam": 50, "max_slam_in_update": 25, "max_msckf_in_update": 40, "dt_slam_delay": 1.0,
-    "feat_rep_msckf": "GLOBAL_3D", "feat_rep_slam": "ANCHORED_MSCKF_INVERSE_DEPTH",
-    "feat_rep_aruco": "ANCHORED_MSCKF_INVERSE_DEPTH",
-    "try_zupt": False, "zupt_chi2_multipler": 0.0, "zupt_max_velocity": 0.1, "zupt_noise_multiplier": 10.0,
-    "zupt_max_disparity": 0.5, "zupt_only_at_beginning": False,
-    "init_window_time": 2.0, "init_imu_thresh": 0.5, "init_max_disparity": 10.0, "init_max_features": 50,
-    "init_dyn_use": True, "init_dyn_mle_opt_calib": False, "init_dyn_mle_max_iter": 50, "init_dyn_mle_max_time": 0.05,
-    "init_dyn_mle_max_threads": 6, "init_dyn_num_pose": 6, "init_dyn_min_deg": 5.0, "init_dyn_inflation_ori": 10.0,
-    "init_dyn_inflation_vel": 100.0, "init_dyn_inflation_bg": 10.0, "init_dyn_inflation_ba": 100.0,
-    "init_dyn_min_rec_cond": 1e-12, "init_dyn_bias_g": [0.0, 0.0, 0.0], "init_dyn_bias_a": [0.0, 0.0, 0.0],
-    "record_timing_information": False, "record_timing_filepath": "timing.txt", "save_total_state": False,
-    "filepath_est": "estimate.txt", "filepath_std": "estimate_std.txt", "filepath_gt": "truth.txt",
-    "use_klt": True, "num_pts": 200, "fast_threshold": 20, "grid_x": 5, "grid_y": 5, "min_px_dist": 10,
-    "knn_ratio": 0.7, "downsample_cameras": False, "num_opencv_threads": 4, "histogram_method": "HISTOGRAM",
-    "use_aruco": False, "num_aruco": 1024, "downsize_aruco": True, "use_mask": False,
-    "up_msckf_sigma_px": 1.0, "up_msckf_chi2_multipler": 1.0, "up_slam_sigma_px": 1.0, "up_slam_chi2_multipler": 1.0,
-    "up_aruco_sigma_px": 1.0, "up_aruco_chi2_multipler": 1.0,
-    "relative_config_imu": "kalibr_imu_chain.yaml", "relative_config_imucam": "kalibr_imucam_chain.yaml",
-}  # fmt: skip
-"""Every key that OpenVINS requires, with the values of its config/euroc_mav; calibration is exact, so it is not
-estimated, and it starts in motion (init_dyn_use)."""
+_ORB_LENSES: Final = {"pinhole": "PinHole", "plumb_bob": "PinHole", "equidistant": "KannalaBrandt8"}
 
 
 def open_vins(facts: Facts) -> Files | str:
     """OpenVINS (rpng/open_vins 6948812, config/euroc_mav): ``T_imu_cam`` takes points of the camera to the IMU."""
     if not facts.views or facts.imu is None:
         return "no IMU" if facts.views else "no camera"
+    count = len(facts.views)
     cameras: dict[str, Any] = {}
     for k, view in enumerate(facts.views):
         lens = _kalibr_lens(view)
@@ -362,47 +343,26 @@ def open_vins(facts: Facts) -> Files | str:
             return lens
         cameras[f"cam{k}"] = {
             "T_imu_cam": _imu_from_camera(facts.imu, view).tolist(),
-            "cam_overlaps": [1 - k] if len(facts.views) == 2 else [],
+            "cam_overlaps": [1 - k] if count == 2 else [],
             **lens,
             "resolution": [view.width, view.height],
             "rostopic": view.topic,
             "timeshift_cam_imu": 0.0,
         }
-    count = len(facts.views)
-    rig = {"use_stereo": count == 2, "max_cameras": count, "gravity_mag": GRAVITY}
-    rate = {"track_frequency": min(21.0, facts.views[0].rate_hz + 1.0)}
-    folder = "open_vins"
-    return {
-        f"{folder}/estimator_config.yaml": _text({**_ESTIMATOR, **rig, **rate}),
-        f"{folder}/kalibr_imu_chain.yaml": _text({"imu0": _kalibr_imu(facts.imu)}),
-        f"{folder}/kalibr_imucam_chain.yaml": _text(cameras),
+    rate = min(21.0, facts.views[0].rate_hz + 1.0)
+    contents = {
+        "estimator_config": _filled(
+            "open_vins_estimator", facts, is_pair=count == 2, count=count, gravity=GRAVITY, rate=rate
+        ),
+        "kalibr_imu_chain": _filled("open_vins_imu", facts),
+        "kalibr_imucam_chain": cameras,
     }
-
-
-def _text(values: Mapping[str, Any]) -> str:
-    return _YAML + _ITEM.sub(r"\1  - ", write_mapping(values))
-
-
-def _kalibr_imu(imu: ImuFacts) -> dict[str, Any]:
-    """Readings are in the IMU's frame, without scale errors: the matrices are 1, and the influence of gravity 0."""
-    one: list[list[float]] = np.eye(3).tolist()
-    return {
-        "T_i_b": np.eye(4).tolist(),
-        "accelerometer_noise_density": imu.noise.accelerometer,
-        "accelerometer_random_walk": imu.noise.accelerometer_walk,
-        "gyroscope_noise_density": imu.noise.gyroscope,
-        "gyroscope_random_walk": imu.noise.gyroscope_walk,
-        "rostopic": imu.topic,
-        "time_offset": 0.0,
-        "update_rate": imu.rate_hz,
-        "model": "kalibr",
-        **{key: [list(row) for row in one] for key in ("Tw", "R_IMUtoGYRO", "Ta", "R_IMUtoACC")},
-        "Tg": np.zeros((3, 3)).tolist(),
-    }
+    texts = {name: _ITEM.sub(r"\1  - ", write_mapping(values)) for name, values in contents.items()}
+    return {f"open_vins/{name}.yaml": _YAML + text for name, text in texts.items()}
 
 
 def _kalibr_lens(view: ViewFacts) -> dict[str, Any] | str:
-    """The lens with Kalibr's keys, or that OpenVINS does not have it."""
+    """Return the lens with Kalibr's keys, or that OpenVINS does not have it."""
     k = view.coefficients
     if view.model == "pinhole":
         model, values = "radtan", [0.0] * 4
@@ -429,10 +389,9 @@ def orb_slam3(facts: Facts) -> Files | str:
     if not facts.views:
         return "no camera"
     left, right = facts.views[0], facts.views[-1]
-    kinds = {"pinhole": "PinHole", "plumb_bob": "PinHole", "equidistant": "KannalaBrandt8"}
-    if left.model not in kinds:
+    if left.model not in _ORB_LENSES:
         return f"it does not have the lens {left.model}"
-    values: dict[str, Any] = {"File.version": '"1.0"', "Camera.type": f'"{kinds[left.model]}"'}
+    values: dict[str, Any] = {"File.version": '"1.0"', "Camera.type": f'"{_ORB_LENSES[left.model]}"'}
     for number, view in enumerate(facts.views, start=1):
         values |= _orb_camera(f"Camera{number}", view)
     values |= {"Camera.width": left.width, "Camera.height": left.height, "Camera.fps": max(round(left.rate_hz), 1)}
@@ -450,18 +409,9 @@ def orb_slam3(facts: Facts) -> Files | str:
             "IMU.AccWalk": noise.accelerometer_walk,
             "IMU.Frequency": float(facts.imu.rate_hz),
         }
-    lines = "".join(f"{key}: {value}\n" for key, value in (values | _ORB).items())
+    lines = "".join(f"{key}: {value}\n" for key, value in (values | _filled("orb_slam3", facts)).items())
     kind = ("Stereo" if len(facts.views) == 2 else "Monocular") + ("-Inertial" if facts.imu else "")
     return {"orb_slam3.yaml": f"{_YAML}# ORB-SLAM3, {kind}: it uses its names for topics, see README.txt\n{lines}"}
-
-
-_ORB: Final = {
-    "ORBextractor.nFeatures": 1200, "ORBextractor.scaleFactor": 1.2, "ORBextractor.nLevels": 8,
-    "ORBextractor.iniThFAST": 20, "ORBextractor.minThFAST": 7,
-    "Viewer.KeyFrameSize": 0.05, "Viewer.KeyFrameLineWidth": 1.0, "Viewer.GraphLineWidth": 0.9,
-    "Viewer.PointSize": 2.0, "Viewer.CameraSize": 0.08, "Viewer.CameraLineWidth": 3.0, "Viewer.ViewpointX": 0.0,
-    "Viewer.ViewpointY": -0.7, "Viewer.ViewpointZ": -1.8, "Viewer.ViewpointF": 500.0, "Viewer.imageViewScale": 1.0,
-}  # fmt: skip
 
 
 def _orb_camera(name: str, view: ViewFacts) -> dict[str, Any]:
@@ -477,13 +427,16 @@ def _orb_camera(name: str, view: ViewFacts) -> dict[str, Any]:
 
 
 def _opencv_matrix(matrix: Array) -> str:
-    return f"!!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: f\n   data: {numbers(matrix)}"
+    return f"!!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: f\n   data: {_numbers(matrix)}"
 
 
 def _imu_from_camera(imu: ImuFacts, view: ViewFacts) -> Array:
     matrix = transforms.inverse(imu.base_from_imu) @ view.base_from_optical
     return np.asarray(np.round(matrix, 12) + 0.0)
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The export
 
 PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "KISS-ICP": kiss_icp,
@@ -493,6 +446,7 @@ PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "OpenVINS": open_vins,
     "ORB-SLAM3": orb_slam3,
 }
+
 _README: Final = """\
 Configuration files of SLAM programs for {run}
 

@@ -23,8 +23,8 @@ from fieldtruth.bag.topics import Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.parallel import in_order
 from fieldtruth.exporters import Options
+from fieldtruth.exporters.frames import first_views, require_pinholes
 from fieldtruth.exporters.image_files import metres_npy, millimetres_png
-from fieldtruth.exporters.sequences import first_views, require_pinholes
 
 EDGES: Final = (0.0, 2.5, 5.0, 10.0, 20.0, 40.0, 80.0, np.inf)
 """Ranges of true depth [m], each without its end."""

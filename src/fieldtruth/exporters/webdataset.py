@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as WebDataset: numbered tar files per split, which a network reads as a stream while it learns.
 
-The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each camera ``left.jpg``,
-``left.mask.png``, ``left.npz``, of each LiDAR ``cloud.npz`` or ``NAME.cloud.npz``, and ``json``. Depth and instance ids
-are arrays in ``npz``, because the library's decoders convert every image to 8 bits. Sensors have different rates, so
-that some clouds, and images of a faster camera, are in no frame: files of their own have every cloud of a LiDAR, and
-every image of such a camera.
+The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each camera ``left.jpg`` (or
+``left.png``, as recorded), ``left.mask.png``, ``left.npz``, of each LiDAR ``cloud.npz`` or ``NAME.cloud.npz``, and
+``json``. Depth and instance ids are arrays in ``npz``, because the library's decoders convert every image to 8 bits.
+Sensors have different rates, so that some clouds, and images of a faster camera, are in no frame: files of their own
+have every cloud of a LiDAR, and every image of such a camera.
 """
 
 import io
@@ -24,13 +24,12 @@ from numpy.typing import NDArray
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frames, Member, cameras_of, count_common, require_frames
 from fieldtruth.exporters.zipped import add_member
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology.label_map import LabelMap
 
 DATASET: Final = "dataset.json"
 
@@ -65,7 +64,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: a run has neither images with labels nor clouds, or is damaged.
     """
     target.mkdir(parents=True)
-    labels = options.label_map or OWN
+    labels = options.labels
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
     names = sorted({name for own in contents.values() for name in own}, key=_rank)
@@ -121,7 +120,7 @@ def _samples(member: Member, frames: Frames, content: str, options: Options) -> 
         frame = frames[i]
         parts: dict[str, bytes] = {}
         for name, view in frame.views.items():
-            parts |= {f"{name}.jpg": view.jpeg, f"{name}.mask.png": encode_png(view.mask)}
+            parts |= {f"{name}{view.suffix}": view.photo, f"{name}.mask.png": encode_png(view.mask)}
             if view.extras:
                 parts[f"{name}.npz"] = npz(view.extras)
         for name, cloud in (empty | frame.clouds).items():
@@ -130,11 +129,7 @@ def _samples(member: Member, frames: Frames, content: str, options: Options) -> 
         parts["json"] = json.dumps(about, separators=(",", ":")).encode()
         return Sample(f"{member.name}_{frame.stamp_ns:019d}", dict(sorted(parts.items())))
 
-    step = member.run.duration_s / len(frames)
-    with options.progress.stage(f"{member.name}: {content}", member.run.duration_s) as advance:
-        for sample in in_order(range(len(frames)), encode, options.workers):
-            yield sample
-            advance(step)
+    return options.each(f"{member.name}: {content}", member.run, range(len(frames)), encode)
 
 
 class _Shards(ExitStack):

@@ -7,6 +7,7 @@ temporary name ``target``; the output gets its own name when it is complete.
 """
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -33,11 +34,13 @@ class Format(NamedTuple):
     """A file that its folder always has, which marks it as replaceable; empty for a format of one file."""
     extra: str = ""
     """Extra of the package that it needs; empty: none."""
+    plain: bool = False
+    """Whether it does without extensions of its file format, which not all tools know."""
 
 
 FORMATS: Final[dict[str, Format]] = {
     "gltf": Format("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
-    "gltf-plain": Format("gltf_plain", ".glb", "glTF 2.0 without extensions, a node per member of a swarm"),
+    "gltf-plain": Format("gltf", ".glb", "glTF 2.0 without extensions, a node per member of a swarm", plain=True),
     "usd": Format(
         "usd", "_usd", "USD with point instancers, classes as semantic labels", holds="world.usdc", extra="usd"
     ),
@@ -107,4 +110,4 @@ def _writer(to: str) -> Callable[..., None]:
         raise OutputError(
             f"format {to!r} needs a library that is not installed; run: pip install 'fieldtruth[{row.extra}]'"
         ) from error
-    return write
+    return partial(write, instancing=False) if row.plain else write

@@ -9,6 +9,10 @@ there, coordinates are ours.
 Nodes are named after objects, and share meshes. The ``extras`` of a node have instance id, kind and classes, those of a
 material its class. A swarm is a node whose children are its meshes with ``EXT_mesh_gpu_instancing``, or (format
 gltf-plain) one node per member. The extension has poses of float32, nodes have float64.
+
+A tint of glTF is at most 1, ours may brighten. So a texture is stored as bright as its brightest use, and each material
+has a factor of at most 1. Tints of objects are rounded to ``STEPS`` of brightness, each a material of its own, because
+glTF has no colour per node, and tools ignore extensions that add one.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,6 +32,9 @@ from fieldtruth.interchange.glb import INDICES, VERTICES, Glb
 from fieldtruth.interchange.ground import ground_images, ground_tiles
 from fieldtruth.interchange.surfaces import Surface, beyond_edge, encode_image, mesh_surfaces, roughness, tinted
 from fieldtruth.world.model import Mesh, Swarm, World
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Materials and textures
 
 STEPS: Final = tuple(2.0 ** (k / 4) for k in range(-2, 3))
 """Steps of brightness, 19 % apart: a rounded tint is at most 9 % off within their range."""
@@ -105,6 +112,9 @@ class Materials:
         material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True, "extras": extras}
         return self._glb.add("materials", material)
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The scene
 
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
 _FACE_BYTES: Final = 250

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ground as meshes of one class each: the terrain's triangles, cut along the edges of the trails.
+"""The ground as meshes of one class each, and images of it with its materials mixed as in photographs.
+
+The meshes are the terrain's triangles, cut along the edges of the trails.
 
 The ray tracer takes the class of the ground from ``Terrain.trail_distance`` at the point that was hit; other tools have
 one class per triangle. A triangle that a trail's edge crosses is divided down to the resolution of that raster and cut
@@ -237,6 +239,9 @@ def _crossing(a: Array, b: Array, distance: Raster) -> Array:
     share = np.where(share < snap, 0.0, np.where(share > 1 - snap, 1.0, share))
     return np.asarray(a + share[:, None] * (b - a))
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Images
 
 GROUND_PIXELS: Final = 2048
 """Side of a tile's image in scenes: 12 mm a pixel on tiles of 25 m."""

@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inventory of a world: every object with its position and measures, as CSV files and as a GeoPackage.
 
+Measures are taken from the meshes: height, trunk, crown, leaf area, volume. A GeoPackage has point layers in WGS 84, as
+GIS programs read them (OGC 12-128r19, GeoPackage 1.4): it is an SQLite database with tables of the standard's Annex C.
+The same layers give the same bytes: the date of the last change is fixed.
+
 ``inventory`` has a row per named object; ``swarm_members`` a row per member of a swarm, which share one instance id.
 """
 
@@ -24,6 +28,9 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.world.model import Material, Mesh, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Measures of meshes
 
 BREAST_HEIGHT: Final = 1.3
 """Height above the ground [m] at which the diameter of a trunk is measured, as foresters do."""
@@ -149,6 +156,9 @@ def _crossing(one: Array, other: Array, height: float) -> Array:
     return np.asarray(low[:, :2] + share[:, None] * (high[:, :2] - low[:, :2]))
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# GeoPackage
+
 Value = int | float | str | None
 ColumnType = Literal["INTEGER", "REAL", "TEXT"]
 WGS_84: Final = 4326
@@ -226,6 +236,9 @@ def _point(latitude: float, longitude: float) -> bytes:
     """A point as GeoPackageBinary: its header without an envelope (flags 1: little endian), then well-known binary."""
     return _POINT.pack(b"GP", 0, 1, WGS_84, 1, 1, longitude, latitude)
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The inventory
 
 OBJECTS: Final = "inventory"
 MEMBERS: Final = "swarm_members"

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces: the triangles of one material, and therefore of one class, as other tools take them."""
+"""Meshes and materials as other tools take them.
+
+A surface has the triangles of one material, and therefore of one class. Swarms can be merged into a few large ones, for
+tools that are slow with many small objects. Materials become images, for tools that have no colour factor.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -96,6 +100,9 @@ def placed(surface: Surface, poses: NDArray[np.float64], tints: NDArray[np.float
     )
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Swarms as a few large meshes
+
 BEYOND_TILE: Final = 8
 """Side of a tile of members beyond the edge, in sides of a tile inside, because they are few and far."""
 
@@ -169,6 +176,9 @@ def _merged(world: World, swarm: Swarm, members: NDArray[np.intp]) -> tuple[Surf
                 parts.setdefault(surface.material, []).append(copies)
     return tuple(merge_surfaces(found) for found in parts.values())
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Materials
 
 JPEG_QUALITY: Final = 90
 """Textures of 512 x 512 texels: 60 to 130 kB, a quarter of their PNG."""

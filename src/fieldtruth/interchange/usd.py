@@ -35,6 +35,9 @@ from fieldtruth.interchange.ground import ground_images, ground_tiles
 from fieldtruth.interchange.surfaces import Surface, beyond_edge, encode_image, mesh_surfaces, roughness
 from fieldtruth.world.model import Material, Mesh, Swarm, World
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Prims
+
 INSTANCE_ID: Final = "fieldtruth:instanceId"
 CLASS_ID: Final = "fieldtruth:classId"
 TRANSLUCENCY: Final = "fieldtruth:translucency"
@@ -161,6 +164,9 @@ def add_tint(prim: Usd.Prim, tints: Float32Array) -> None:
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Color3fArray, rate)
     primvar.Set(Vt.Vec3fArray.FromNumpy(tints))
 
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The stage
 
 STAGE: Final = "world.usdc"
 TEXTURES: Final = "textures"

@@ -29,11 +29,9 @@ from fieldtruth.record.streams import Sensors, Stream
 from fieldtruth.sensors.kind import SENSORS
 from fieldtruth.sensors.known import OWN
 
-SLICE_NS: Final = 10**9
-"""Simulated time [ns] in a slice."""
-_PROGRESS_NS: Final = 10**8
-"""Simulated time [ns] between two reports of progress."""
-_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.streams", "fieldtruth.record.streams")
+SLICE_NS: Final = 10**8
+"""Simulated time [ns] in a slice: short, so that a few seconds keep many cores busy."""
+_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.streams")
 """Those of the package's kinds of sensors are imported by these."""
 
 
@@ -59,13 +57,14 @@ class SliceFolder(ABC):
         topics: what the recording publishes.
         start_ns: where slice 0 begins [ns]; every stamp is above it.
         end_ns: last stamp [ns] of the recording.
+        slice_ns: simulated time [ns] in a slice.
     """
 
-    def __init__(self, folder: Path, topics: Sequence[Topic], start_ns: int, end_ns: int) -> None:
-        self.folder = folder
-        self.topics = topics
-        self.start_ns = start_ns
-        self.end_ns = end_ns
+    def __init__(
+        self, folder: Path, topics: Sequence[Topic], start_ns: int, end_ns: int, slice_ns: int = SLICE_NS
+    ) -> None:
+        self.folder, self.topics = folder, topics
+        self.start_ns, self.end_ns, self.slice_ns = start_ns, end_ns, slice_ns
         self.joined = 0
         """Number of slices that are joined; their files are removed."""
 
@@ -102,12 +101,12 @@ class SliceFolder(ABC):
     @property
     def count(self) -> int:
         """Number of slices."""
-        return -(-(self.end_ns - self.start_ns) // SLICE_NS)
+        return -(-(self.end_ns - self.start_ns) // self.slice_ns)
 
     @property
     def seconds_done(self) -> float:
         """Simulated time [s] in the slices that exist."""
-        return (self.end_ns - self.start_ns) / 1e9 - sum(map(self.seconds, self.missing()))
+        return (self.end_ns - self.start_ns - sum(map(self._length_ns, self.missing()))) / 1e9
 
     def path(self, k: int) -> Path:
         """File of slice ``k``."""
@@ -115,7 +114,7 @@ class SliceFolder(ABC):
 
     def seconds(self, k: int) -> float:
         """Simulated time [s] in slice ``k``."""
-        return (min(self._begin_ns(k + 1), self.end_ns) - self._begin_ns(k)) / 1e9
+        return self._length_ns(k) / 1e9
 
     def missing(self) -> list[int]:
         """Numbers of the slices that are neither joined nor in the folder."""
@@ -148,8 +147,11 @@ class SliceFolder(ABC):
             self.joined += 1
             path.unlink()
 
+    def _length_ns(self, k: int) -> int:
+        return min(self._begin_ns(k + 1), self.end_ns) - self._begin_ns(k)
+
     def _begin_ns(self, k: int) -> int:
-        return self.start_ns + k * SLICE_NS
+        return self.start_ns + k * self.slice_ns
 
 
 class Slices(SliceFolder):
@@ -161,6 +163,7 @@ class Slices(SliceFolder):
         topics: what they publish.
         make_sensors: called once in each worker thread, which then owns them.
         start_ns: as in ``SliceFolder``.
+        slice_ns: as in ``SliceFolder``.
     """
 
     def __init__(
@@ -170,9 +173,10 @@ class Slices(SliceFolder):
         topics: Sequence[Topic],
         make_sensors: Callable[[], Sensors],
         start_ns: int = 0,
+        slice_ns: int = SLICE_NS,
     ) -> None:
         end_ns = max(int(stream.stamps_ns[-1]) for stream in streams if len(stream.stamps_ns))
-        super().__init__(folder, topics, start_ns, end_ns)
+        super().__init__(folder, topics, start_ns, end_ns, slice_ns)
         self.streams = streams
         self._make_sensors = make_sensors
         self._worker = threading.local()
@@ -199,12 +203,13 @@ class Slices(SliceFolder):
         except (FieldtruthError, _StoppedError):
             raise
         except Exception as error:
-            raise SliceError(f"in the {k + 1}. second of the recording: {_where(error)}; the rest is kept") from error
+            begin, end = ((self._begin_ns(each) - self.start_ns) / 1e9 for each in (k, k + 1))
+            when = f"between {begin:g} and {end:g} s of the recording"
+            raise SliceError(f"{when}: {_where(error)}; the rest is kept") from error
 
     def _write(self, k: int, advance: Advance) -> None:
         if not hasattr(self._worker, "sensors"):
             self._worker.sensors = self._make_sensors()
-        reported_ns = self._begin_ns(k)
         with BagWriter(self.path(k), self.topics, self.seal(k)) as bag:
             for stamp_ns, stream, reading in self._readings(k):
                 if self._stop.is_set():
@@ -212,10 +217,7 @@ class Slices(SliceFolder):
                 messages = stream.messages(reading, self._worker.sensors)
                 for topic, data in zip(stream.topics, messages, strict=True):
                     bag.write(topic, stamp_ns, data)
-                if stamp_ns - reported_ns >= _PROGRESS_NS:
-                    advance((stamp_ns - reported_ns) / 1e9)
-                    reported_ns = stamp_ns
-        advance(self.seconds(k) - (reported_ns - self._begin_ns(k)) / 1e9)
+        advance(self.seconds(k))
 
     def _readings(self, k: int) -> Iterable[tuple[int, Stream, int]]:
         """Stamp, stream and number of each reading of slice ``k``: in time order, ties in the streams' order."""

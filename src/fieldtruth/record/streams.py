@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Streams of messages from world, track and rig, the clocks that stamp them, and motion along a track file.
+"""Streams of messages from world, track and rig, and the clocks that stamp them.
 
 Each stream has its stamps and can make any of its readings. A reading depends only on its number, so parts of a
 recording can be made in any order and by any thread, each of which has sensors of its own.
@@ -12,7 +12,6 @@ above the one before. A reading whose clock shows 0 or less is lost, as ROS has 
 """
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -21,14 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import messages, topics
-from fieldtruth.bag.run import TRACK
-from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.random import rng_of
-from fieldtruth.drive.given_motion import check_motion, motion_along, track_along
-from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at, sweep_steps
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import ClockConfig, Output, SensorConfig
 from fieldtruth.sensors.kind import At, Movement, Sensor, SensorWorld, movement_of, stamps_of
@@ -125,14 +119,16 @@ def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stam
     return series
 
 
-def sensor_streams(
-    config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], movement: Movement, seed: int
-) -> list[Stream]:
-    """Return the streams of a sensor that moves so, one for each of its series; see ``series_of``."""
-    return [_stream(series, movement) for series in series_of(config, rig, stamps_of, seed)]
+def series_along(config: SensorConfig, rig: Rig, track: Track, seed: int) -> list[Series]:
+    """Return the series of a sensor along a drive; at separate poses, sensors that measure the motion have none."""
+    stamps = track.motion.stamps_ns
+    if track.is_frames:
+        return series_of(config, rig, lambda _: stamps, seed) if config.sees else []
+    return series_of(config, rig, lambda output: stamps_of(config, output, int(stamps[-1])), seed)
 
 
-def _stream(series: Series, movement: Movement) -> Stream:
+def stream_of(series: Series, movement: Movement) -> Stream:
+    """Return the stream of a series along a movement."""
     output = series.output
 
     def messages(k: int, sensors: Sensors) -> Iterable[bytes]:
@@ -143,7 +139,13 @@ def _stream(series: Series, movement: Movement) -> Stream:
 
 
 def streams_of(
-    world: World, track: Track, rig: Rig, *, latched: bool = False, movement: Movement | None = None
+    world: World,
+    track: Track,
+    rig: Rig,
+    *,
+    latched: bool = False,
+    movement: Movement | None = None,
+    seed: int | None = None,
 ) -> list[Stream]:
     """Return every stream of a recording, in the order of ``topics_of``.
 
@@ -153,21 +155,17 @@ def streams_of(
         rig: the sensors.
         latched: whether static objects come once.
         movement: that of the track, if it was made; it keeps what sensors have measured.
+        seed: of the sensors' clocks; None for the world's.
     """
     end_ns, movement = int(track.motion.stamps_ns[-1]), movement or movement_of(track)
     poses = track.motion.stamps_ns if track.is_frames else stamps_at_rate(topics.POSE_RATE, end_ns)
     streams = _truth(world, track, rig, poses, latched=latched)
     for config in rig.in_order():
-        if config.sees or not track.is_frames:
-            streams += sensor_streams(config, rig, _stamps(config, track), movement, world.seed)
+        series = series_along(config, rig, track, world.seed if seed is None else seed)
+        streams += [stream_of(each, movement) for each in series]
         if config.needs_wheels and track.base is not None:
             streams.append(_commands(track.base.commands))
     return streams
-
-
-def _stamps(config: SensorConfig, track: Track) -> Callable[[Output], Stamps]:
-    stamps = track.motion.stamps_ns
-    return lambda output: stamps if track.is_frames else stamps_of(config, output, int(stamps[-1]))
 
 
 def _commands(commands: Commands) -> Stream:
@@ -198,46 +196,3 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
         ),
         Stream((topics.TF,), poses, tf),
     ]
-
-
-def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
-    """Return the experiment as it is written beside the bag, where track.csv holds the poses of the track file.
-
-    What moves along a track file may have no wheels, so there is no wheel odometry.
-    """
-    assert experiment.drive is not None
-    drive = experiment.drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": file.frame})
-    return without_wheels(experiment).model_copy(update={"drive": drive})
-
-
-def without_wheels(experiment: Experiment) -> Experiment:
-    """Return the experiment without wheel odometry."""
-    rig = experiment.rig.with_each(lambda sensor: {"enabled": False} if sensor.needs_wheels else {})
-    return experiment.model_copy(update={"rig": rig})
-
-
-def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
-    """Return the motion of the rig along the poses of a track file.
-
-    Warns of a long time without a pose.
-
-    Raises:
-        TrackError: the track leads out of the world or into something solid, or has no poses after ``start_s``.
-        UnknownNameError: ``pose_of`` is not a frame of the rig.
-    """
-    config, rig = experiment.drive, experiment.rig
-    assert config is not None
-    poses, start_ns = file.in_world(config, rig), file.start_ns(config)
-    swept = motion_along(
-        poses.stamps_ns,
-        poses.position,
-        poses.quaternion_wxyz,
-        start_ns,
-        experiment.seconds,
-        sweep_steps(rig),
-    )
-    track = track_along(swept, rig)
-    check_motion(world, track.motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
-    if file.gap:
-        warnings.warn(file.gap, FieldtruthWarning, stacklevel=2)
-    return track

@@ -5,30 +5,20 @@
 import functools
 import threading
 import warnings
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from fieldtruth.core import transforms
-from fieldtruth.core.parallel import cpu_count
-from fieldtruth.drive.track import Stamps, Track, state_at
+from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.record.streams import Sensors, Series, sensor_factory, series_of
+from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of, stamps_of
-from fieldtruth.simulation.due import wanted_outputs
-from fieldtruth.simulation.frame import Frame, frame_of
-from fieldtruth.simulation.motion import track_in, with_given_track
-from fieldtruth.simulation.setup import experiment_for
-from fieldtruth.world.build import world_of
+from fieldtruth.simulation.due import Frame, frame_of
+from fieldtruth.simulation.stepped import Driven, Simulation
 from fieldtruth.world.model import World
-
-_AHEAD: Final = 2
-"""Frames in memory for each thread."""
 
 
 def frames(
@@ -55,15 +45,11 @@ def frames(
         UnknownNameError: an unknown name.
         RouteError, DriveError, TrackError: when the first frame is asked for: the route cannot be driven.
     """
-    world = scene.world if scene is not None and world is None else world
-    made, given = with_given_track(experiment_for(experiment, world=world))
-    wanted = wanted_outputs(made.rig, sensors)
+    simulation = Simulation(experiment, world=world, scene=scene, sensors=sensors)
 
     def drive() -> Iterator[Frame]:
-        there = world or world_of(made)
-        sensor_world = SensorWorld(there, made.rig, made.light, made.weather, scene=scene, seed=made.seed)
-        track = track_in(there, made, given)
-        yield from _ahead(_Sensing(sensor_world, track, wanted), cpu_count() if workers is None else workers)
+        sensing = _Sensing(simulation.drive(), simulation.wanted)
+        yield from in_order(sensing.due(), sensing.frame, cpu_count() if workers is None else workers)
 
     return drive()
 
@@ -71,23 +57,18 @@ def frames(
 class _Sensing:
     """The readings of a drive that are wanted, and what makes a frame of those with the same stamp."""
 
-    def __init__(self, sensor_world: SensorWorld, track: Track, wanted: set[str]) -> None:
-        self._track, self._movement = track, movement_of(track)
+    def __init__(self, driven: Driven, wanted: set[str]) -> None:
+        self._driven, rig = driven, driven.experiment.rig
         self._series = [
             series
-            for config in sensor_world.rig.in_order()
-            if config.sees or not track.is_frames
-            for series in series_of(config, sensor_world.rig, self._stamps(config), sensor_world.seed)
+            for config in rig.in_order()
+            for series in series_along(config, rig, driven.track, driven.experiment.seed)
             if series.output.name in wanted
         ]
         names = {series.config.name for series in self._series}
-        kept = tuple(config for config in sensor_world.rig.sensors if config.name in names)
-        self._new_sensors = sensor_factory(sensor_world, sensor_world.rig.model_copy(update={"sensors": kept}))
+        kept = tuple(config for config in rig.sensors if config.name in names)
+        self._new_sensors = sensor_factory(driven.sensor_world, rig.model_copy(update={"sensors": kept}))
         self._thread = threading.local()
-
-    def _stamps(self, config: Any) -> Callable[[Output], Stamps]:
-        stamps = self._track.motion.stamps_ns
-        return lambda output: stamps if self._track.is_frames else stamps_of(config, output, int(stamps[-1]))
 
     def due(self) -> Iterator[tuple[int, list[tuple[Series, int]]]]:
         """Yield each stamp with the readings that have it: series and row in it."""
@@ -99,32 +80,15 @@ class _Sensing:
         for stamp_ns, group in groupby(sorted(found), key=lambda each: each[0]):
             yield stamp_ns, [(self._series[order], k) for _, order, k in group]
 
-    def frame(self, stamp_ns: int, due: list[tuple[Series, int]]) -> Frame:
-        """Sense in the calling thread."""
+    def frame(self, group: tuple[int, list[tuple[Series, int]]]) -> Frame:
+        """Sense a group of ``due`` in the calling thread."""
+        stamp_ns, due = group
         if not hasattr(self._thread, "sensors"):
             self._thread.sensors = self._new_sensors()
-        pose = state_at(self._track.motion, stamp_ns).world_from_base
-        return frame_of(stamp_ns, pose, (_read(series, k, self._movement, self._thread.sensors) for series, k in due))
-
-
-def _read(series: Series, k: int, movement: Movement, sensors: Sensors) -> tuple[str, Any]:
-    output = series.output
-    return output.name, sensors[series.config.name].read(output, series.at(k, movement))
-
-
-def _ahead(sensing: _Sensing, workers: int) -> Iterator[Frame]:
-    """Yield frames in time order while threads sense those that follow."""
-    waiting: deque[Future[Frame]] = deque()
-    pool = ThreadPoolExecutor(workers, thread_name_prefix="frames")
-    try:
-        for stamp_ns, due in sensing.due():
-            waiting.append(pool.submit(sensing.frame, stamp_ns, due))
-            if len(waiting) > _AHEAD * workers:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+        pose = state_at(self._driven.track.motion, stamp_ns).world_from_base
+        sensors, movement = self._thread.sensors, self._driven.movement
+        readings = (sensors[series.config.name].read(series.output, series.at(k, movement)) for series, k in due)
+        return frame_of(stamp_ns, pose, zip((series.output.name for series, _ in due), readings, strict=True))
 
 
 def _moved(name: str) -> Callable[..., Any]:

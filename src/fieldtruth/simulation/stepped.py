@@ -4,25 +4,121 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import ConfigurationError, DriveError
+from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.track import STEP_NS, STEP_S
+from fieldtruth.drive.track import STEP_NS, STEP_S, Track
+from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import MotionSensor, Sensor, SensorWorld, movement_of
+from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.simulation.due import Due, DueReadings, wanted_outputs
-from fieldtruth.simulation.frame import Frame, frame_of
-from fieldtruth.simulation.motion import GrowingMotion, LiveMotion, MotionState, motion_of, with_given_track
-from fieldtruth.simulation.setup import experiment_for
-from fieldtruth.world.build import world_of
+from fieldtruth.simulation.due import Due, DueReadings, Frame, frame_of, wanted_outputs
+from fieldtruth.simulation.motion import (
+    GrowingMotion,
+    LiveMotion,
+    MotionState,
+    motion_of,
+    track_in,
+    with_given_track,
+)
+from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
+
+_FREE: float = 2.0
+"""[m] from the end of the route in a world without an experiment to the world's edge."""
+
+
+def experiment_for(
+    experiment: Experiment | str | Path | None = None,
+    *,
+    environment: str | None = None,
+    robot: str | None = None,
+    rig: Rig | None = None,
+    world: World | None = None,
+) -> Experiment:
+    """Return an experiment, with what is given in place of its own.
+
+    Args:
+        experiment: or its name, or the path of its file. None: the first built-in one in the environment; in a world,
+            or without one, a straight route from the middle northwards.
+        environment: whose experiment is meant; a ``world`` has one.
+        robot: a name from ``fieldtruth list robots``; it has its own sensors.
+        rig: the robot with its sensors.
+        world: to drive in.
+
+    Raises:
+        UnknownNameError: an unknown name.
+        ConfigurationError: a combination that is not allowed.
+    """
+    if experiment is not None and environment is not None:
+        raise ConfigurationError("environment must be None where an experiment is given: the experiment has one")
+    if robot is not None and rig is not None:
+        raise ConfigurationError("robot must be None where a rig is given: the rig has one")
+    if experiment is None and environment is None and world is None:
+        raise ConfigurationError("one of experiment, environment and world is required")
+    found = load_experiment(experiment) if isinstance(experiment, str | Path) else experiment
+    if found is None:
+        found = _in_environment(environment, world)
+    changed: dict[str, Any] = {} if rig is None else {"rig": rig.model_dump()}
+    if robot is not None:
+        changed["rig"] = {"robot": robot}
+    if changed:
+        found = validated(found.model_dump() | changed, "")
+    if world is None:
+        check_experiment(found)
+    return found
+
+
+def _in_environment(environment: str | None, world: World | None) -> Experiment:
+    name = environment or (world.name if world is not None else "")
+    built_in = (load_experiment(each) for each in experiment_names())
+    if world is None and (same := next((each for each in built_in if each.environment == name), None)) is not None:
+        return same
+    metres = [world.size[0] / 2 - _FREE if world is not None else 10.0, 0.0]
+    route = {"metres": {"start": [0.0, 0.0], "waypoints": [metres]}}
+    return validated({"name": name, "environment": name, "route": route}, "")
+
+
+@dataclass(frozen=True)
+class Driven:
+    """An experiment whose robot has driven to the end: its readings can be made in any order, by any thread."""
+
+    experiment: Experiment
+    world: World
+    track: Track
+    scene: Scene | None = field(default=None, kw_only=True)
+    """The world in the ray tracer, if it was built."""
+    reuse: bool = field(default=False, kw_only=True)
+    """Whether the arrays of a reading may be overwritten by the next one."""
+
+    @cached_property
+    def sensor_world(self) -> SensorWorld:
+        """What the sensors are in."""
+        return sensor_world_of(self.experiment, self.world, self.scene, reuse=self.reuse)
+
+    @cached_property
+    def movement(self) -> Movement:
+        """Motion of the robot, with the series that sensors have measured of it."""
+        return movement_of(self.track)
+
+
+def sensor_world_of(
+    experiment: Experiment, world: World, scene: Scene | None = None, *, reuse: bool = False
+) -> SensorWorld:
+    """Return what the sensors of an experiment are in."""
+    made = experiment
+    return SensorWorld(world, made.rig, made.light, made.weather, scene=scene, seed=made.seed, reuse=reuse)
 
 
 class SimulationState(NamedTuple):
@@ -65,12 +161,16 @@ class Simulation:
         scene: Scene | None = None,
         sensors: Iterable[str] | None = None,
     ) -> None:
+        for name, given, kind in (("world", world, World), ("scene", scene, Scene)):
+            if given is not None and not isinstance(given, kind):
+                raise ConfigurationError(f"{name} must be a {kind.__name__}, got {given!r}; see load_world")
         world = scene.world if scene is not None and world is None else world
         chosen = experiment_for(experiment, environment=environment, robot=robot, rig=rig, world=world)
         self._given = with_given_track(chosen)
         self._experiment = self._given.experiment
         self._own_world, self._own_scene = world, scene
-        self._wanted = wanted_outputs(self._experiment.rig, sensors)
+        self.wanted = wanted_outputs(self._experiment.rig, sensors)
+        """Names of the outputs that are read."""
         self._route: RouteConfig | None = None
         self._sensor_world: SensorWorld | None = None
         self._motion: GrowingMotion | None = None
@@ -86,12 +186,12 @@ class Simulation:
     @property
     def world(self) -> World:
         """The world: terrain, objects, materials; ``world.terrain.field.height_at(x, y)`` is the ground [m]."""
-        return self._ready()[0].world
+        return self._place().world
 
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built when it is first used, and shared by all sensors."""
-        return self._ready()[0].scene
+        return self._place().scene
 
     @property
     def robot(self) -> SimulatedRobot:
@@ -119,6 +219,31 @@ class Simulation:
         """
         return bool(self._failed) or (self._motion is not None and self._motion.ended)
 
+    @property
+    def track_file(self) -> TrackFile | None:
+        """The poses that the experiment follows, if it has a track file."""
+        return self._given.track
+
+    def drive(self, advance: Advance | None = None) -> Driven:
+        """Plan the route and drive to its end at once, or take the poses that are given.
+
+        A random route is driven while it is planned. ``advance`` receives the simulated time [s] that was driven.
+
+        Raises:
+            RouteError, TrackError: no route, poses or free ground to stand on.
+            DriveError: the robot cannot drive this route.
+        """
+        track = track_in(self.world, self._experiment, self._given.track, advance)
+        return Driven(self._experiment, self.world, track, scene=self._own_scene)
+
+    def _place(self) -> SensorWorld:
+        """Return what the sensors are in; the world is built at the first use."""
+        if self._sensor_world is None:
+            self._route = None
+            world = world_of(self._experiment) if self._own_world is None else self._own_world
+            self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
+        return self._sensor_world
+
     def reset(self, seed: int | None = None) -> Frame:
         """Put the robot at its start, at time 0, and return a frame with its pose and without readings.
 
@@ -133,21 +258,16 @@ class Simulation:
         if seed is not None and seed != self._experiment.seed:
             self._experiment, self._sensor_world = self._experiment.model_copy(update={"seed": seed}), None
         made = self._experiment
-        if self._sensor_world is None:
-            self._route = None
-            world = world_of(made) if self._own_world is None else self._own_world
-            self._sensor_world = SensorWorld(
-                world, made.rig, made.light, made.weather, scene=self._own_scene, seed=made.seed
-            )
+        world = self.world
         if self._route is None and made.route is not None and made.frames is None:
-            self._route = plan_route(self._sensor_world.world, made)
-        self._motion = motion_of(self._sensor_world.world, made, self._given.track, self._route)
+            self._route = plan_route(world, made)
+        self._motion = motion_of(world, made, self._given.track, self._route)
         stands = self._motion.stands
         self._due = [
             DueReadings(config, made.rig, made.seed, stands)
             for config in made.rig.in_order()
             if (config.sees or stands is None)
-            and self._wanted & {output.name for output in config.outputs_on(made.rig.robot)}
+            and self.wanted & {output.name for output in config.outputs_on(made.rig.robot)}
         ]
         self._sensors, self._failed = {}, ""
         return frame_of(0, self._motion.world_from_base, ())
@@ -178,7 +298,7 @@ class Simulation:
         """
         sensor_world, motion = self._ready()
         steps, target = self._checked(seconds, command)
-        wanted = self._wanted if sensors is None else self._wanted & wanted_outputs(self._experiment.rig, sensors)
+        wanted = self.wanted if sensors is None else self.wanted & wanted_outputs(self._experiment.rig, sensors)
         if self.done:
             raise DriveError(
                 self._failed or f"the drive has ended at {motion.reached_ns / 1e9:g} s; reset() begins another"
@@ -236,11 +356,10 @@ class Simulation:
         self._failed, self._sensors = state.failed, {}
 
     def _ready(self) -> tuple[SensorWorld, GrowingMotion]:
-        if self._sensor_world is None or self._motion is None:
+        if self._motion is None:
             self.reset()
-        assert self._sensor_world is not None
         assert self._motion is not None
-        return self._sensor_world, self._motion
+        return self._place(), self._motion
 
     def _sensor(self, sensor_world: SensorWorld, name: str) -> Sensor:
         if name not in self._sensors:

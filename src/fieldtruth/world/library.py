@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Species, rock types, materials and textures as data: YAML files in ``data/``, read when they are first used.
+"""Species, rock types, materials, textures and more as data: YAML files in ``data/``, read when they are first used.
 
-A file's name is the name of its species or rock type, its folder says which of the two it is. Every file may also hold
-the sections ``materials`` and ``textures``, whose entries all files share.
+A file's name is the name of its species, rock type or environment, its folder says which it is; files in folders of
+these names in FIELDTRUTH_PATH count, too. Every file may also hold the sections of ``SHARED``, whose entries all files
+share.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,6 +17,7 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, suggestion
+from fieldtruth.core.registry import user_folders
 
 FOLDER: Final = Path(__file__).parent / "data"  # written like this, `core.cache` finds the files
 T = TypeVar("T")
@@ -28,12 +30,23 @@ _ADAPTERS: Final[dict[type, TypeAdapter[list[Any]]]] = {}
 
 @cache
 def _files() -> dict[str, dict[str, Path]]:
-    """Data files by folder and name."""
-    return {
+    """Data files by folder and name: the package's, then those in folders of these names in FIELDTRUTH_PATH."""
+    found = {
         folder.name: {path.stem: path for path in sorted(folder.glob("*.yaml"))}
         for folder in sorted(FOLDER.iterdir())
         if folder.is_dir()
     }
+    for base in user_folders():
+        for name, known in found.items():
+            for path in sorted((base / name).glob("*.yaml")):
+                _check_new(path, known)
+                known[path.stem] = path
+    return found
+
+
+def _check_new(path: Path, known: Mapping[str, Path]) -> None:
+    if path.stem in known:
+        raise ConfigurationError(f"{path}: the name {path.stem!r} is already used by {known[path.stem]}")
 
 
 def data_files() -> list[Path]:
@@ -86,7 +99,10 @@ class Library(Mapping[str, T]):
         if name not in self._models:
             path = _files()[self._folder][name]
             content = {key: value for key, value in _document(path).items() if key not in SHARED}
-            self._models[name] = self._read(name, deepcopy(content), path)
+            model = self._read(name, deepcopy(content), path)
+            if FOLDER not in path.parents:
+                self._check_materials(model, path)
+            self._models[name] = model
         return self._models[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -98,8 +114,7 @@ class Library(Mapping[str, T]):
     def add(self, path: Path) -> T:
         """Add a file from outside the package, and return its model; raises ConfigurationError if it is not valid."""
         known = _files()[self._folder]
-        if path.stem in known:
-            raise ConfigurationError(f"{path}: the name {path.stem!r} is already used by {known[path.stem]}")
+        _check_new(path, known)
         known[path.stem] = path
         _document.cache_clear()
         _section.cache_clear()
@@ -108,15 +123,16 @@ class Library(Mapping[str, T]):
                 for key, (file, _) in _section(name).items():
                     if file == path:
                         section[key]
-            model = self[path.stem]
-            for material in self._materials_of(model):
-                if material not in (None, *_section("materials")):
-                    hint = suggestion(str(material), _section("materials"))
-                    raise ConfigurationError(f"{path}: unknown material {material!r}; {hint}")
+            return self[path.stem]
         except FieldtruthError:
             self.remove(path.stem)
             raise
-        return model
+
+    def _check_materials(self, model: T, path: Path) -> None:
+        for material in self._materials_of(model):
+            if material not in (None, *_section("materials")):
+                hint = suggestion(str(material), _section("materials"))
+                raise ConfigurationError(f"{path}: unknown material {material!r}; {hint}")
 
     def remove(self, name: str) -> None:
         """Forget a file and its materials and textures."""

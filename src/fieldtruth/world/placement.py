@@ -108,13 +108,11 @@ FarSwarm = tuple[Swarm, Sequence[Mesh]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SwarmSpec:
-    """Many small objects to spread over an area."""
+class SwarmForm:
+    """Kind, density and pose of the small objects of a swarm."""
 
-    name: str
     kind: str
-    meshes: Sequence[Mesh]
-    per_m2: float
+    per_m2: float = 1.0
     """Density before it is thinned."""
     scales: tuple[float, float] = (0.8, 1.25)
     tint: float = 0.1
@@ -129,6 +127,14 @@ class SwarmSpec:
     """Distance [m] kept from obstacles and from the corridors' centre lines, inside the world only."""
     aside: float = 0.0
     """Distance [m] kept from the corridors' centre lines by stones that a robot cannot drive over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwarmSpec(SwarmForm):
+    """Many small objects to spread over an area."""
+
+    name: str
+    meshes: Sequence[Mesh]
 
 
 def jittered_grid(

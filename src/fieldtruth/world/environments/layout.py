@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
+from fieldtruth.world.environments.planting import Planter, check_plants
 from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
 from fieldtruth.world.seasons import SUMMER, USUAL, seasons
@@ -39,12 +40,16 @@ class GroundConfig(Frozen):
     grounds: ClassVar[tuple[str, ...]]
     """Ground types of the environment."""
 
+    environment: ClassVar[str] = ""
+    """Name of the data file of its plants; empty without one."""
+
     size: Size = BUILT_IN  # [m] along x (north) and y (west)
     grid: Spacing = 0.05  # [m] between the terrain's nodes
     roughness: Mapping[str, str] = Field(default={}, description="classes A to H of ISO 8608 by ground type")
     season: str = Field(default=SUMMER, description="a season: spring, summer, autumn or winter")
     drought: Share = USUAL  # 0 lush .. 1 dry: colours of grass
     snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
+    plants: Mapping[str, tuple[str, ...]] = Field(default={}, description="lists of species by group of plants")
     litter: Annotated[Number, Field(ge=0, le=4)] = 1.0  # amount of leaves, twigs, stones, short grass on the ground
 
     @field_validator("roughness")
@@ -56,6 +61,12 @@ class GroundConfig(Frozen):
             if letter not in ISO_CLASSES:
                 raise ValueError(f"{name} must be one of the classes {', '.join(ISO_CLASSES)}, got {letter!r}")
         return classes
+
+    @field_validator("plants")
+    @classmethod
+    def _known_plants(cls, plants: Mapping[str, tuple[str, ...]]) -> Mapping[str, tuple[str, ...]]:
+        check_plants(cls.environment, plants)
+        return plants
 
     @field_validator("season")
     @classmethod
@@ -96,6 +107,11 @@ class GroundConfig(Frozen):
         """Names of the counts, with what they grow with."""
         grow = {name: [m for m in info.metadata if m in ("area", "shore")] for name, info in cls.model_fields.items()}
         return {name: found[0] for name, found in grow.items() if found}
+
+    @property
+    def planter(self) -> Planter:
+        """Grows the plants of the environment, of the species that this layout names."""
+        return Planter(self.environment, self.plants)
 
     def roughness_of(self, ground: str) -> Roughness:
         """Roughness of a ground type in this layout."""

@@ -389,7 +389,7 @@ def grow_clump(
     Tufts of clumps that are a radius apart mix. No colliders; the footprint [m] is the radius. Tilt a clump with the
     ground.
     """
-    count = max(1, round(per_m2 * np.pi * radius**2))
+    count = tufts_in(per_m2, radius)
     weights = np.array(list(shares.values()), np.float64)
     chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
     parts = []
@@ -400,6 +400,11 @@ def grow_clump(
         height = float(np.clip(low + (high - low) * share, 0.6 * low, 1.3 * high))
         parts.append(_moved(grow_tuft(species, name=f"{name}_{k}", height=height, rng=rng, detail=detail), xy))
     return merge_meshes(name, parts, footprint=radius)
+
+
+def tufts_in(per_m2: float, radius: float) -> int:
+    """Number of tufts in a clump of a radius [m]."""
+    return max(1, round(per_m2 * np.pi * radius**2))
 
 
 def _positions(count: int, radius: float, rng: np.random.Generator) -> Array:

@@ -39,7 +39,6 @@ from fieldtruth.world.grids import (
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
 from fieldtruth.world.placement import (
     ObjectGroup,
-    SwarmSpec,
     WorldBuilder,
     place_until_count,
     random_tint,
@@ -192,17 +191,7 @@ def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator)
         make_rock(fieldstone, name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
         for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
     ]
-    spec = SwarmSpec(
-        name="small_stones",
-        kind="stone",
-        meshes=stones,
-        per_m2=config.stones_per_m2 * 3,
-        scales=(0.7, 1.3),
-        tint=0.12,
-        tilt=1.0,
-        clear=0.45,
-        aside=1.15,
-    )
+    spec = config.planter.swarm("small_stones", stones, per_m2=config.stones_per_m2 * 3)
     builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))
 
 

@@ -16,6 +16,7 @@ from fieldtruth.world.plants import TREES
 class Config(GroundConfig):
     """Layout of the forest."""
 
+    environment = "forest"
     grounds = ("trodden_earth", "forest_floor")
 
     relief: Positive = 0.55  # [m], standard deviation of the ground's height

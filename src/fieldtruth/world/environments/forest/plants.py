@@ -13,8 +13,8 @@ from fieldtruth.world.backdrop import Cover, Land, height_beyond, rolling_hills,
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.grids import distance_beyond, noise_map
 from fieldtruth.world.model import Mesh, Raster
-from fieldtruth.world.placement import Density, FarSwarm, ObjectGroup, SwarmSpec, WorldBuilder, random_tint
-from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_twigs
+from fieldtruth.world.placement import Density, FarSwarm, ObjectGroup, WorldBuilder, random_tint
+from fieldtruth.world.plants import TREES, grow_tree, grow_twigs
 
 CELL: Final = 0.5  # [m]
 EXTINCTION: Final = 0.5
@@ -96,16 +96,6 @@ def _shade(mesh: Mesh, half: int) -> Array:
     return np.asarray(1.0 - np.exp(-EXTINCTION * index))
 
 
-AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (18.0, 25.0), "grown": (10.0, 16.0), "young": (3.0, 6.0)}
-"""Heights [m]."""
-
-TREE_DETAIL: Final = {"old": 0.14, "grown": 0.27, "young": 0.5}
-TUFTS_PER_M2: Final = 8.0
-"""Density of tufts in a clump."""
-
-FERNS_PER_CLUMP: Final = 3
-
-
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
     """Plant old trees, then younger ones between them, each where some light is left, none on a trail."""
     stand = Stand(builder)
@@ -115,22 +105,11 @@ def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generat
     def off_trails(xy: Array) -> Mask:
         return builder.trail_distance(xy) > 0.55
 
-    for age, heights in AGES.items():
-        left = counts[age]
+    for age, left in counts.items():
         for k, (name, share) in enumerate(config.species.items()):
             count = left if k == len(config.species) - 1 else min(left, round(counts[age] * share / total))
             left -= count
-            trees = [
-                grow_tree(
-                    TREES[name],
-                    name=f"{name}_{age}_{n}",
-                    height=float(growth.uniform(*heights)),
-                    rng=growth,
-                    detail=TREE_DETAIL[age],
-                    grown_in="stand",
-                )
-                for n in range(min(config.individuals, count))
-            ]
+            trees = config.planter.grow(age, growth, count=min(config.individuals, count), species=[name])
             if trees:
                 group = ObjectGroup(kind=name, meshes=trees, count=count, scales=(0.88, 1.15), tint=0.1)
                 stand.plant(group, rng, off_trails)
@@ -143,13 +122,9 @@ def plant_bushes(builder: WorldBuilder, config: Config, rng: np.random.Generator
         away = builder.trail_distance(xy)
         return (away > 0.9) & (rng.random(len(xy)) < np.exp(-away / 6.0))
 
-    names = ("hazel", "bramble")
+    names = config.planter.species("bush")
     for k, name in enumerate(names):
-        bush = BUSHES[name]
-        bushes = [
-            grow_bush(bush, name=f"bush_{name}_{n}", height=bush.grown.height * float(rng.uniform(0.6, 1.0)), rng=rng)
-            for n in range(4)
-        ]
+        bushes = config.planter.grow("bush", rng, species=[name])
         count = config.bushes // len(names) + (k < config.bushes % len(names))
         group = ObjectGroup(kind="bush", meshes=bushes, count=count, spacing=1.2, scales=(0.7, 1.15), tint=0.1)
         builder.scatter(group, rng, allowed)
@@ -170,44 +145,16 @@ def plant_herbs(builder: WorldBuilder, config: Config, glades: Raster, rng: np.r
     def nettles(xy: Array) -> Array:
         return np.clip(glades.at(*xy.T) - 0.9, 0.0, 1.0) * (builder.trail_distance(xy) > 0.2)
 
-    grass_clumps = _clumps("grass", {"forest": 0.9, "sedge": 0.1}, rng)
-    nettle_clumps = _clumps("nettles", {"nettle": 0.7, "forest": 0.3}, rng)
-    fern_clumps = _fern_clumps(rng)
-    grass_per_m2, ferns_per_m2 = config.grass_per_m2 / TUFTS_PER_M2, config.ferns_per_m2 / FERNS_PER_CLUMP
-    for name, kind, meshes, per_m2, scales, tint, clear, density in (
-        ("forest_grass", "high_grass", grass_clumps, grass_per_m2, (0.7, 1.25), 0.14, 0.0, grass),
-        ("ferns", "fern", fern_clumps, ferns_per_m2, (0.65, 1.2), 0.14, 0.5, ferns),
-        ("nettles", "herb", nettle_clumps, 0.35, (0.7, 1.2), 0.12, 0.5, nettles),
-    ):
-        spec = SwarmSpec(
-            name=name, kind=kind, meshes=meshes, per_m2=per_m2, scales=scales, tint=tint, tilt=1.0, clear=clear
-        )
-        builder.scatter_swarm(spec, rng, density)
+    planter = config.planter
+    clumps = {group: planter.grow(group, rng) for group in ("grass", "nettles", "ferns")}
+    grass_per_m2, ferns_per_m2 = config.grass_per_m2 / TUFTS_PER_M2, config.ferns_per_m2 / planter.tufts("ferns")
+    builder.scatter_swarm(planter.swarm("forest_grass", clumps["grass"], per_m2=grass_per_m2), rng, grass)
+    builder.scatter_swarm(planter.swarm("ferns", clumps["ferns"], per_m2=ferns_per_m2), rng, ferns)
+    builder.scatter_swarm(planter.swarm("nettles", clumps["nettles"]), rng, nettles)
 
 
-def _fern_clumps(rng: np.random.Generator) -> list[Mesh]:
-    """Six clumps of ferns of increasing size."""
-    shares = {GRASSES["fern"]: 0.8, GRASSES["bracken"]: 0.2}
-    per_m2 = FERNS_PER_CLUMP / (np.pi * 0.75**2)
-    return [grow_clump(shares, name=f"ferns_{k}", radius=0.75, per_m2=per_m2, rng=rng, size=0.15 * k) for k in range(6)]
-
-
-def _clumps(name: str, shares: Mapping[str, float], rng: np.random.Generator) -> list[Mesh]:
-    """Five clumps of grass and herbs of increasing size."""
-    return [
-        grow_clump(
-            {GRASSES[species]: share for species, share in shares.items()},
-            name=f"{name}_{k}",
-            radius=0.5,
-            per_m2=TUFTS_PER_M2,
-            rng=rng,
-            size=0.2 + 0.15 * k,
-            detail=0.6,
-        )
-        for k in range(5)
-    ]
-
-
+TUFTS_PER_M2: Final = 8.0
+"""Density of tufts in a clump of grass."""
 SEEDLINGS_PER_TUFT: Final = 3
 """Of ``beech_seedling`` and ``spruce_seedling``."""
 
@@ -241,25 +188,21 @@ def plant_understorey(builder: WorldBuilder, config: Config, glades: Raster, rng
         beside = np.exp(-np.maximum(builder.trail_distance(xy), 0.0) / 2.5)
         return np.clip(0.5 * beside + 0.3 * glades.at(*xy.T), 0.0, 1.0) * off_trails(xy, 0.4)
 
-    seedlings, per_clump = _understorey_clumps("seedlings", SEEDLINGS, 2.7, 0.6, rng)
-    bilberries, tufts = _understorey_clumps("bilberries", {"bilberry": 1.0}, 14.0, 0.6, rng, detail=0.35)
-    swarms: tuple[tuple[str, str, Sequence[Mesh], float, Density, float], ...] = (
-        ("seedlings", "seedling", seedlings, config.seedlings_per_m2 / SEEDLINGS_PER_TUFT / per_clump, groups, 0.5),
-        ("bilberries", "dwarf_shrub", bilberries, config.bilberries_per_m2 / tufts, mats, 0.5),
-        ("brambles", "bramble", _brambles(rng), config.brambles_per_m2, light, 0.9),
-        ("twigs", "twig", _twigs(rng), config.twigs_per_m2 / TWIGS_PER_CLUMP, lambda xy: off_trails(xy, 0.1), 0.8),
+    planter = config.planter
+    grown: dict[str, Sequence[Mesh]] = {name: planter.grow(name, rng) for name in ("seedlings", "bilberries")}
+    grown["brambles"] = [replace(mesh, colliders=()) for mesh in planter.grow("brambles", rng)]  # a robot drives over
+    grown["twigs"] = [grow_twigs(name=f"twigs_{k}", radius=0.8, count=TWIGS_PER_CLUMP, rng=rng) for k in range(6)]
+    swarms: tuple[tuple[str, float, Density], ...] = (
+        ("seedlings", config.seedlings_per_m2 / SEEDLINGS_PER_TUFT / planter.tufts("seedlings"), groups),
+        ("bilberries", config.bilberries_per_m2 / planter.tufts("bilberries"), mats),
+        ("brambles", config.brambles_per_m2, light),
+        ("twigs", config.twigs_per_m2 / TWIGS_PER_CLUMP, lambda xy: off_trails(xy, 0.1)),
     )
-    for name, kind, meshes, per_m2, density, clear in swarms:
-        spec = SwarmSpec(
-            name=name, kind=kind, meshes=meshes, per_m2=_before_thinning(per_m2, density, builder), scales=(0.8, 1.2),
-            tint=0.12, tilt=1.0, clear=clear,
-        )  # fmt: skip
-        builder.scatter_swarm(spec, rng, density)
-    saplings = SwarmSpec(
-        name="saplings", kind="sapling", meshes=_saplings(rng), sink=0.02, clear=0.9,
-        per_m2=_before_thinning(config.saplings_per_m2, groups, builder), tint=0.12,
-    )  # fmt: skip
-    builder.scatter_swarm(saplings, rng, groups)
+    for name, wanted, density in swarms:
+        per_m2 = _before_thinning(wanted, density, builder)
+        builder.scatter_swarm(planter.swarm(name, grown[name], per_m2=per_m2), rng, density)
+    saplings, per_m2 = _saplings(rng), _before_thinning(config.saplings_per_m2, groups, builder)
+    builder.scatter_swarm(planter.swarm("saplings", saplings, per_m2=per_m2), rng, groups)
 
 
 def _before_thinning(per_m2: float, density: Density, builder: WorldBuilder) -> float:
@@ -267,20 +210,6 @@ def _before_thinning(per_m2: float, density: Density, builder: WorldBuilder) -> 
     axes = (np.arange(-s / 2 + 0.5, s / 2, 1.0) for s in builder.size)
     mean = float(density(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)).mean())
     return min(per_m2 / max(mean, 1e-3), 20.0)
-
-
-def _understorey_clumps(
-    name: str, shares: Mapping[str, float], per_m2: float, radius: float, rng: np.random.Generator, detail: float = 1.0
-) -> tuple[list[Mesh], int]:
-    """Five clumps of increasing height, and the number of tufts in each."""
-    species = {GRASSES[key]: share for key, share in shares.items()}
-    clumps = [
-        grow_clump(
-            species, name=f"{name}_{k}", radius=radius, per_m2=per_m2, rng=rng, size=0.1 + 0.2 * k, detail=detail
-        )
-        for k in range(5)
-    ]
-    return clumps, max(1, round(per_m2 * np.pi * radius**2))
 
 
 def _saplings(rng: np.random.Generator) -> list[Mesh]:
@@ -296,17 +225,6 @@ def _sapling(name: str, scale: float, rng: np.random.Generator) -> Mesh:
     return replace(tree, vertices=vertices, footprint=scale * tree.footprint, colliders=())
 
 
-def _brambles(rng: np.random.Generator) -> list[Mesh]:
-    """Low brambles, which the robot drives over."""
-    grown = [grow_bush(BUSHES["bramble"], name=f"brambles_{k}", height=0.6, rng=rng, detail=0.6) for k in range(4)]
-    return [replace(mesh, colliders=()) for mesh in grown]
-
-
-def _twigs(rng: np.random.Generator) -> list[Mesh]:
-    return [grow_twigs(name=f"twigs_{k}", radius=0.8, count=TWIGS_PER_CLUMP, rng=rng) for k in range(6)]
-
-
-FAR_DETAIL: Final = 0.015
 FAR_TREES: Final = 12.0
 """Distance [m] from the edge within which single trees stand; behind them the canopy closes the view."""
 
@@ -341,26 +259,11 @@ def scatter_far_trees(
     builder: WorldBuilder, config: Config, backdrop: Mesh, growth: np.random.Generator, rng: np.random.Generator
 ) -> list[FarSwarm]:
     """Trees of little detail around the world, with young ones at the edge."""
-    trees = [
-        grow_tree(
-            TREES[name],
-            name=f"far_{name}_{k}",
-            height=float(growth.uniform(13.0, 24.0)),
-            rng=growth,
-            detail=FAR_DETAIL,
-            grown_in="stand",
-        )
-        for name in config.species
-        for k in range(2)
-    ]
-    young = [
-        grow_tree(TREES[name], name=f"far_young_{name}", height=5.0, rng=growth, detail=4 * FAR_DETAIL)
-        for name in ("spruce", "beech")
-    ]
+    planter = config.planter
+    trees = planter.swarm("far_trees", planter.grow("far", growth, species=config.species))
+    young = planter.swarm("far_young_trees", planter.grow("far_young", growth))
     ground = height_beyond(builder.field, config.size, backdrop)
-    old_spec = SwarmSpec(name="far_trees", kind="tree", meshes=trees, per_m2=0.065)
-    young_spec = SwarmSpec(name="far_young_trees", kind="tree", meshes=young, per_m2=0.055, scales=(0.5, 1.4))
     return [
-        scatter_beyond(config.size, ground, old_spec, rng, within=FAR_TREES, margin=0.8),
-        scatter_beyond(config.size, ground, young_spec, rng, within=10.0, margin=0.8),
+        scatter_beyond(config.size, ground, trees, rng, within=FAR_TREES, margin=0.8),
+        scatter_beyond(config.size, ground, young, rng, within=10.0, margin=0.8),
     ]

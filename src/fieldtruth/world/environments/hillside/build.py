@@ -21,7 +21,6 @@ from fieldtruth.world.placement import (
     Density,
     FarSwarm,
     ObjectGroup,
-    SwarmSpec,
     WorldBuilder,
     eased,
     place_until_count,
@@ -29,7 +28,6 @@ from fieldtruth.world.placement import (
     tilted,
     upright_pose,
 )
-from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_snag, grow_tree, grow_tuft
 from fieldtruth.world.relief import with_layer
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
@@ -42,15 +40,9 @@ def plant_trees(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
     def soil(xy: Array) -> Array:
         return _soil(ground, xy)
 
-    few, uniform = config.individuals, rng.uniform
-    pines = [
-        grow_tree(TREES["pine"], name=f"pine_{k}", height=uniform(6.6, 9.5), rng=rng, detail=0.4) for k in range(few)
-    ]
-    oaks = [grow_tree(TREES["oak"], name=f"oak_{k}", height=uniform(4.0, 6.2), rng=rng, detail=0.6) for k in range(few)]
-    snags = [
-        grow_snag(TREES["pine"], name=f"snag_{k}", height=uniform(2.5, 5.5), rng=rng, detail=0.6)
-        for k in range(min(few, 3))
-    ]
+    planter, few = config.planter, config.individuals
+    counts = {"pine": few, "oak": few, "snag": min(few, 3)}
+    pines, oaks, snags = (planter.grow(group, rng, count=count) for group, count in counts.items())
     for kind, meshes, count, spacing, tilt in (
         ("pine", pines, config.pines, 8.0, 0.0),
         ("oak", oaks, config.oaks, 6.0, 0.0),
@@ -66,16 +58,12 @@ def plant_bushes(builder: WorldBuilder, ground: Ground, config: Config, rng: np.
         noise = solid_noise(xy, wavelength=14, octaves=2, rng=rng)
         return np.asarray(_soil(ground, xy) * np.clip(0.25 + 0.7 * noise, 0.03, 1))
 
-    for kind, count, low, high, spacing in (
-        ("juniper", config.junipers, 0.75, 1.15, 2.2),
-        ("gorse", config.gorse, 0.5, 1.0, 1.4),
-        ("heather", config.cushions, 0.7, 1.3, 0.9),
+    for kind, count, spacing in (
+        ("juniper", config.junipers, 2.2),
+        ("gorse", config.gorse, 1.4),
+        ("heather", config.cushions, 0.9),
     ):
-        full = BUSHES[kind].grown.height
-        meshes = [
-            grow_bush(BUSHES[kind], name=f"{kind}_{k}", height=full * rng.uniform(low, high), rng=rng, detail=0.6)
-            for k in range(config.individuals + 1)
-        ]
+        meshes = config.planter.grow(kind, rng, count=config.individuals + 1)
         _scatter(builder, _group(kind, meshes, count, spacing), rng, thicket, tilt=0.5)
 
 
@@ -128,28 +116,14 @@ def _stem_pose(field: Heightfield, xy: Array, yaw: float, scale: float, tilt: fl
 
 def plant_grass(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> list[Mesh]:
     """Scatter tufts of bristle bent, dense in the turf and sparse elsewhere; return the meshes."""
-    species = GRASSES["bent"]
-    low, high = species.height
-    tufts = [
-        grow_tuft(species, name=f"tuft_{k}", height=float(rng.uniform(0.8 * low, high)), rng=rng) for k in range(8)
-    ]
+    tufts = config.planter.grow("grass", rng)
 
     def density(xy: Array) -> Array:
         clump = np.clip(0.5 + 0.6 * solid_noise(xy, wavelength=5.0, octaves=3, rng=rng), 0, 1)
         return np.clip(0.02 + 0.9 * clump * ground.turf(xy) * (1 - ground.scree(xy)), 0, 1)
 
     if config.grass:
-        spec = SwarmSpec(
-            name="grass",
-            kind="high_grass",
-            meshes=tufts,
-            per_m2=config.grass,
-            scales=(0.5, 1.1),
-            tilt=0.2,
-            lean_deg=6,
-            sink=0.02,
-        )
-        builder.scatter_swarm(spec, rng, density)
+        builder.scatter_swarm(config.planter.swarm("grass", tufts, per_m2=config.grass), rng, density)
     return tufts
 
 
@@ -189,30 +163,9 @@ def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: n
     stones = _make_rocks("scree granite slab", "stone", (0.13, 0.2), 180, 4, rng)
     pebbles = _make_rocks("scree granite", "pebble", (0.04, 0.07), 80, 5, rng)
     if config.stones:
-        spec = SwarmSpec(
-            name="stones",
-            kind="rock",
-            meshes=stones,
-            per_m2=config.stones,
-            scales=(0.65, 1.4),
-            tilt=0.9,
-            lean_deg=8,
-            clear=0.9,
-            aside=1.45,
-        )
-        builder.scatter_swarm(spec, rng, loose)
+        builder.scatter_swarm(config.planter.swarm("stones", stones, per_m2=config.stones), rng, loose)
     if config.pebbles:
-        spec = SwarmSpec(
-            name="pebbles",
-            kind="rock",
-            meshes=pebbles,
-            per_m2=config.pebbles,
-            scales=(0.6, 1.5),
-            tint=0.12,
-            tilt=0.9,
-            lean_deg=12,
-        )
-        builder.scatter_swarm(spec, rng, gravel)
+        builder.scatter_swarm(config.planter.swarm("pebbles", pebbles, per_m2=config.pebbles), rng, gravel)
 
 
 def _make_rocks(
@@ -233,41 +186,25 @@ def _make_rocks(
     ]
 
 
-def scatter_far_plants(
-    builder: WorldBuilder, backdrop: Mesh, tufts: Sequence[Mesh], rng: np.random.Generator
+def scatter_beyond_edge(
+    builder: WorldBuilder, config: Config, backdrop: Mesh, tufts: Sequence[Mesh], rng: np.random.Generator
 ) -> list[FarSwarm]:
-    """Bushes, few trees and grass."""
-    bushes = [
-        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=BUSHES[name].grown.height * share, rng=rng, detail=0.1)
-        for name in ("juniper", "gorse")
-        for k, share in enumerate((0.7, 1.0))
+    """Scatter bushes, few trees, grass and boulders over the land beyond the edge."""
+    planter, size = config.planter, builder.size
+    ground = height_beyond(builder.field, size, backdrop)
+    bushes = planter.swarm("far_bushes", planter.grow("far_bush", rng))
+    trees = planter.swarm("far_trees", planter.grow("far_tree", rng))
+    plants = [
+        scatter_beyond(size, ground, bushes, rng),
+        scatter_beyond(size, ground, trees, rng, margin=3.0),
+        scatter_beyond(size, ground, planter.swarm("far_grass", tufts), rng, within=22.0, margin=0.3),
     ]
-    trees = [
-        grow_tree(TREES[name], name=f"far_{name}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=0.04)
-        for name, heights in (("pine", (6.6, 9.5)), ("oak", (4.0, 6.0)))
-        for k in range(2)
-    ]
-    size, ground = builder.size, height_beyond(builder.field, builder.size, backdrop)
-    bush_spec = SwarmSpec(name="far_bushes", kind="bush", meshes=bushes, per_m2=0.022, scales=(0.6, 1.3), tilt=0.4)
-    tree_spec = SwarmSpec(name="far_trees", kind="tree", meshes=trees, per_m2=0.0013, sink=0.1)
-    grass_spec = SwarmSpec(name="far_grass", kind="high_grass", meshes=tufts, per_m2=0.5, sink=0.03)
-    return [
-        scatter_beyond(size, ground, bush_spec, rng),
-        scatter_beyond(size, ground, tree_spec, rng, margin=3.0),
-        scatter_beyond(size, ground, grass_spec, rng, within=22.0, margin=0.3),
-    ]
-
-
-def scatter_far_rocks(builder: WorldBuilder, backdrop: Mesh, rng: np.random.Generator) -> FarSwarm:
-    """Boulders."""
     rocks = [
-        make_rock(ROCK_TYPES[name], name=f"far_{name}_{k}", size=size, rng=rng, triangles=320, solid=False)
-        for k, size in enumerate((0.7, 1.2, 2.2))
+        make_rock(ROCK_TYPES[name], name=f"far_{name}_{k}", size=length, rng=rng, triangles=320, solid=False)
+        for k, length in enumerate((0.7, 1.2, 2.2))
         for name in ("granite", "crag")
     ]
-    ground = height_beyond(builder.field, builder.size, backdrop)
-    spec = SwarmSpec(name="far_rocks", kind="rock", meshes=rocks, per_m2=0.016, scales=(0.5, 1.4), tilt=0.75, sink=0.1)
-    return scatter_beyond(builder.size, ground, spec, rng, within=75.0, margin=1.8)
+    return [*plants, scatter_beyond(size, ground, planter.swarm("far_rocks", rocks), rng, within=75.0, margin=1.8)]
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
@@ -299,6 +236,6 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         seed=seed,
         textures=seeds[7],
         backdrop=backdrop,
-        beyond=[*scatter_far_plants(builder, backdrop, tufts, beyond), scatter_far_rocks(builder, backdrop, beyond)],
+        beyond=scatter_beyond_edge(builder, config, backdrop, tufts, beyond),
         litter=config.litter,
     )

@@ -13,6 +13,7 @@ from fieldtruth.world.environments.layout import Count, Density, GroundConfig, I
 class Config(GroundConfig):
     """Layout of the hillside."""
 
+    environment = "hillside"
     grounds = ("dry_turf", "stony_soil", "scree", "rock")
 
     ruggedness: Annotated[Number, Field(ge=0, le=3)] = 1.3  # [m], deviation of the noise from which erosion starts

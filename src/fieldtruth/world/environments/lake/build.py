@@ -5,10 +5,10 @@
 The ground is a few metres above the water and descends to it over beaches and scarps.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -24,13 +24,11 @@ from fieldtruth.world.placement import (
     Density,
     FarSwarm,
     ObjectGroup,
-    SwarmSpec,
     WorldBuilder,
     make_swarm,
     random_scales,
     upright_poses,
 )
-from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_tuft
 from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, make_power_pole, wire_points
 from fieldtruth.world.relief import with_layer
 
@@ -121,13 +119,7 @@ def _free_positions(builder: WorldBuilder, config: Config, far: int, rng: np.ran
     )
 
 
-WATERSIDE_TREES: Final = {"alder": (7.0, 11.0), "willow": (5.5, 9.0)}  # species: height [m], lowest and highest
-MEADOW_TREES: Final = {"birch": (7.0, 12.0), "pine": (8.0, 14.0), "oak": (7.0, 11.0)}
-WATERSIDE_BUSHES: Final = ("grey_willow",)
-MEADOW_BUSHES: Final = ("hazel", "bramble")
 BELOW_WIRES: Final = 3.4  # [m] from the power line to the nearest trunk
-TREE_DETAIL: Final = 0.4
-TUFT_DETAIL: Final = 0.55
 TRIES: Final = 9000
 
 
@@ -141,21 +133,11 @@ def plant_trees(
 ) -> None:
     """Plant alders and willows near the water with gaps between them, groves in the meadow, none below the wires."""
     grove = noise_map(builder.size, 17.0, rng)
-    for kind, species, count, (low, high) in (
-        ("waterside_tree", WATERSIDE_TREES, config.waterside_trees, (0.9, 6.0)),
-        ("meadow_tree", MEADOW_TREES, config.meadow_trees, (8.5, 99.0)),
+    for kind, count, (low, high) in (
+        ("waterside_tree", config.waterside_trees, (0.9, 6.0)),
+        ("meadow_tree", config.meadow_trees, (8.5, 99.0)),
     ):
-        trees = [
-            grow_tree(
-                TREES[name],
-                name=f"{kind}_{name}_{k}",
-                height=float(growth.uniform(*heights)),
-                rng=growth,
-                detail=TREE_DETAIL,
-            )
-            for k in range(config.individuals)
-            for name, heights in species.items()
-        ]
+        trees = config.planter.grow(kind, growth, count=config.individuals)
 
         def allowed(xy: Array, low: float = low, high: float = high) -> Mask:
             inland, thick = shore.inland.at(*xy.T), grove(xy)
@@ -168,20 +150,11 @@ def plant_trees(
 def plant_bushes(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> None:
     """Plant grey willows along the water, hazel and brambles in the meadow, in thickets."""
     thicket = noise_map(builder.size, 12.0, rng)
-    for kind, names, count, (low, high) in (
-        ("waterside_bush", WATERSIDE_BUSHES, config.waterside_bushes, (0.6, 7.0)),
-        ("meadow_bush", MEADOW_BUSHES, config.meadow_bushes, (5.0, 99.0)),
+    for kind, count, (low, high) in (
+        ("waterside_bush", config.waterside_bushes, (0.6, 7.0)),
+        ("meadow_bush", config.meadow_bushes, (5.0, 99.0)),
     ):
-        bushes = [
-            grow_bush(
-                BUSHES[name],
-                name=f"bush_{name}_{k}",
-                rng=rng,
-                height=BUSHES[name].grown.height * float(rng.uniform(0.6, 1.15)),
-            )
-            for k in range(config.individuals)
-            for name in names
-        ]
+        bushes = config.planter.grow(kind, rng, count=config.individuals)
 
         def allowed(xy: Array, low: float = low, high: float = high) -> Mask:
             inland = shore.inland.at(*xy.T)
@@ -191,38 +164,17 @@ def plant_bushes(builder: WorldBuilder, shore: Shore, config: Config, rng: np.ra
         builder.scatter(group, rng, allowed, tries=TRIES)
 
 
-class _GrassArea(NamedTuple):
-    """Grass of one kind: shares by species, clumps (or single tufts if the radius is 0), and where they grow."""
-
-    species: Mapping[str, float]
-    radius: float  # [m] of a clump
-    tufts_per_m2: float  # of a clump
-    per_m2: float  # clumps or single tufts
-    density: Density
-
-
 def plant_grass(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> None:
     """Scatter reeds and cattails in the shallow water, sedges along it, long grass and herbs in the meadow."""
-    few = config.individuals
-    for row, area in enumerate(_grass_areas(builder, shore, config, rng)):
-        name = f"{next(iter(area.species))}_{row + 1}"
-        if area.radius > 0:
-            meshes = make_clumps(area.species, name, area.radius, area.tufts_per_m2, few + 1, rng)
-        else:
-            meshes = _make_tufts(next(iter(area.species)), name, 2 * few, rng)
-        spec = SwarmSpec(
-            name=f"high_grass_{name}",
-            kind="high_grass",
-            meshes=meshes,
-            per_m2=area.per_m2 * config.grass,
-            scales=(0.75, 1.2),
-            tilt=1.0,
-            clear=0.3 + 0.7 * area.radius,
-        )
-        builder.scatter_swarm(spec, rng, area.density)
+    planter, few = config.planter, config.individuals
+    for group, density in _grass_areas(builder, shore, config, rng).items():
+        meshes = planter.grow(group, rng, count=2 * few if group == "meadow_7" else few + 1)
+        spec = planter.swarm(f"high_grass_{group}", meshes)
+        builder.scatter_swarm(replace(spec, per_m2=spec.per_m2 * config.grass), rng, density)
 
 
-def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> list[_GrassArea]:
+def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> dict[str, Density]:
+    """Where each group of grass and herbs grows."""
     beds, swathe, thin = (noise_map(builder.size, wavelength, rng) for wavelength in (16.0, 9.0, 5.0))
 
     def depth(xy: Array) -> Array:
@@ -243,47 +195,15 @@ def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.ra
     def sedge(xy: Array) -> Array:
         return _within(inland(xy), 0.45, 2.4) * np.clip(0.55 + 0.7 * thin(xy), 0, 1)
 
-    return [
-        _GrassArea({"reed": 1.0}, 0.5, 13.0, 1.6, reed),
-        _GrassArea({"cattail": 1.0}, 0.35, 9.0, 1.2, cattail),
-        _GrassArea({"sedge": 1.0}, 0.35, 7.0, 1.6, sedge),
-        _GrassArea(
-            {"meadow": 0.9, "dock": 0.1},
-            0.9,
-            9.0,
-            0.55,
-            lambda xy: turf(xy, 0.5, 0.3 + 0.7 * swathe(xy) + 0.25 * thin(xy)),
-        ),
-        _GrassArea(
-            {"dry": 0.7, "meadow": 0.3},
-            0.8,
-            6.0,
-            0.35,
-            lambda xy: turf(xy, 2.0, -0.15 - 0.7 * swathe(xy) + 0.4 * thin(xy)),
-        ),
-        _GrassArea({"nettle": 1.0}, 0.7, 9.0, 0.45, lambda xy: turf(xy, 2.0, 1.3 * beds(xy) - 1.2)),
-        _GrassArea({"meadow": 1.0}, 0.0, 1.0, 0.7, lambda xy: turf(xy, 0.5, 0.6 - 0.3 * swathe(xy))),
-    ]
-
-
-def _make_tufts(species: str, name: str, count: int, rng: np.random.Generator) -> list[Mesh]:
-    """Single tufts from small to large."""
-    grass = GRASSES[species]
-    return [
-        grow_tuft(grass, name=f"{name}_{k}", height=float(height), rng=rng, detail=TUFT_DETAIL)
-        for k, height in enumerate(np.linspace(*grass.height, count))
-    ]
-
-
-def make_clumps(
-    species: Mapping[str, float], name: str, radius: float, per_m2: float, count: int, rng: np.random.Generator
-) -> list[Mesh]:
-    """Clumps of ``radius`` [m] with ``per_m2`` tufts, mixed of species by their shares."""
-    shares = {GRASSES[one]: share for one, share in species.items()}
-    return [
-        grow_clump(shares, name=f"{name}_{k}", radius=radius, per_m2=per_m2, rng=rng, detail=TUFT_DETAIL)
-        for k in range(count)
-    ]
+    return {
+        "reed_1": reed,
+        "cattail_2": cattail,
+        "sedge_3": sedge,
+        "meadow_4": lambda xy: turf(xy, 0.5, 0.3 + 0.7 * swathe(xy) + 0.25 * thin(xy)),
+        "dry_5": lambda xy: turf(xy, 2.0, -0.15 - 0.7 * swathe(xy) + 0.4 * thin(xy)),
+        "nettle_6": lambda xy: turf(xy, 2.0, 1.3 * beds(xy) - 1.2),
+        "meadow_7": lambda xy: turf(xy, 0.5, 0.6 - 0.3 * swathe(xy)),
+    }
 
 
 def _within(value: Array, low: float, high: float) -> Array:
@@ -291,10 +211,7 @@ def _within(value: Array, low: float, high: float) -> Array:
     return np.asarray((value > low) & (value < high), np.float64)
 
 
-FAR_DETAIL: Final = 0.02
-NEAR_DETAIL: Final = 0.1
 SPACING: Final = 7.0  # [m] mean distance between positions where a far tree may stand
-SCRUB_DETAIL: Final = 0.1
 WOODS_RADIUS: Final = 380.0  # [m] from the centre to the last trees
 AREA: Final = (900.0, 900.0)  # [m] over which groves and woods vary
 
@@ -321,11 +238,11 @@ def ground_height(builder: WorldBuilder, backdrop: Mesh) -> Callable[[Array], Ar
 
 
 def scatter_far_plants(
-    builder: WorldBuilder, backdrop: Mesh, basin: Land, level: float, line: PowerLine, rng: np.random.Generator
+    builder: WorldBuilder, config: Config, backdrop: Mesh, basin: Land, line: PowerLine, rng: np.random.Generator
 ) -> list[FarSwarm]:
     """Groves and grass near the edge, woods along the far shore and on its hills."""
-    far_trees, near_trees = (_make_trees(name, d, rng) for name, d in (("far", FAR_DETAIL), ("beyond", NEAR_DETAIL)))
-    grass = make_clumps({"meadow": 0.7, "dry": 0.3}, "far_grass", 0.7, 7.0, 3, rng)
+    planter, level = config.planter, config.water_level
+    far_trees, near_trees, grass = (planter.grow(group, rng) for group in ("far_tree", "near_tree", "far_grass"))
     grove, wood = noise_map(AREA, 45.0, rng), noise_map(AREA, 110.0, rng)
 
     def above_water(xy: Array) -> Array:
@@ -342,33 +259,15 @@ def scatter_far_plants(
     def scrub(xy: Array) -> Array:
         return np.clip(0.8 * grove(xy) + 0.25 * (above_water(xy) > 0.5), 0.0, 1.0) * (above_water(xy) > 0.4)
 
-    bushes = [
-        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=height, rng=rng, detail=SCRUB_DETAIL)
-        for name, height in (("hazel", 2.8), ("grey_willow", 2.4))
-        for k in range(2)
-    ]
-    scrub_spec = SwarmSpec(name="scrub_beyond", kind="bush", meshes=bushes, per_m2=0.02, scales=(0.4, 1.5), sink=0.05)
+    bushes = planter.grow("far_bush", rng)
+    grass_spec, tree_spec = planter.swarm("high_grass_beyond", grass), planter.swarm("trees_beyond", near_trees)
+    scrub_spec = planter.swarm("scrub_beyond", bushes)
     size, ground = builder.size, height_beyond(builder.field, builder.size, backdrop)
-    grass_spec = SwarmSpec(name="high_grass_beyond", kind="high_grass", meshes=grass, per_m2=0.9, tilt=1.0)
-    tree_spec = SwarmSpec(
-        name="trees_beyond", kind="tree", meshes=near_trees, per_m2=0.035, scales=(0.55, 1.3), sink=0.1
-    )
     return [
         scatter_beyond(size, ground, grass_spec, rng, within=14.0, margin=0.6, density=turf),
         scatter_beyond(size, ground, tree_spec, rng, within=90.0, margin=3.0, density=near),
         _far_woods(far_trees, basin, level, grove, wood, rng),
         scatter_beyond(size, ground, scrub_spec, rng, within=98.0, margin=5.0, density=scrub),
-    ]
-
-
-def _make_trees(name: str, detail: float, rng: np.random.Generator) -> list[Mesh]:
-    """Two trees of each species."""
-    return [
-        grow_tree(
-            TREES[species], name=f"{name}_{species}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=detail
-        )
-        for k in range(2)
-        for species, heights in {**WATERSIDE_TREES, **MEADOW_TREES}.items()
     ]
 
 
@@ -423,7 +322,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         seed=seed,
         textures=seeds[8],
         backdrop=backdrop,
-        beyond=[*line.beyond, *scatter_far_plants(builder, backdrop, basin, config.water_level, line, land)],
+        beyond=[*line.beyond, *scatter_far_plants(builder, config, backdrop, basin, line, land)],
         litter=config.litter,
     )
 

@@ -13,6 +13,7 @@ from fieldtruth.world.environments.layout import Count, GroundConfig, Individual
 class Config(GroundConfig):
     """Layout of the lake's shore."""
 
+    environment = "lake"
     grounds = ("meadow", "earth", "mud")
 
     water_level: Number = -3.0  # [m]

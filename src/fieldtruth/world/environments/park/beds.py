@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Beds of a park: mulched areas with a wavy outline and an edge of stones, planted with bushes of one species."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.model import Instance, Mesh, make_mesh
 from fieldtruth.world.placement import (
     CrowdedWorldError,
@@ -20,15 +21,6 @@ from fieldtruth.world.placement import (
     rotations_to,
     upright_poses,
 )
-from fieldtruth.world.plants import BUSHES, grow_bush
-
-BUSH_HEIGHTS: Final[Mapping[str, tuple[float, float]]] = {
-    "box": (0.65, 1.1),
-    "hazel": (0.5, 0.95),
-    "heather": (0.8, 1.15),
-    "juniper": (0.5, 0.9),
-}
-"""Species of bushes, with bounds of their height relative to a grown one's: they are pruned."""
 
 OFF_TRAIL: Final = 0.45
 OFF_CORRIDOR: Final = 1.25
@@ -88,26 +80,16 @@ def bed_distance(beds: Sequence[Bed], xy: Array) -> Array:
     return nearest
 
 
-def lay_beds(builder: WorldBuilder, count: int, rng: np.random.Generator) -> list[Bed]:
-    """Lay beds, most of them near the trails, until ``count`` bushes are planted in them.
+def lay_beds(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> list[Bed]:
+    """Lay beds, most of them near the trails, until ``config.bushes`` are planted in them.
 
     Not ``place_until_count``: an attempt lays a bed and plants several bushes.
 
     Raises:
         CrowdedWorldError: bushes are left after all tries.
     """
-    bushes = {
-        name: [
-            grow_bush(
-                BUSHES[name],
-                name=f"bush_{name}_{k}",
-                rng=rng,
-                height=BUSHES[name].grown.height * float(rng.uniform(*heights)),
-            )
-            for k in range(INDIVIDUALS)
-        ]
-        for name, heights in BUSH_HEIGHTS.items()
-    }
+    planter, count = config.planter, config.bushes
+    bushes = {name: planter.grow("bed_bush", rng, species=[name]) for name in planter.species("bed_bush")}
     beds: list[Bed] = []
     remaining, names = count, list(bushes)
     length, width = builder.size

@@ -10,11 +10,11 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.grids import Line, Trail, distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Terrain, make_mesh, merge_meshes
-from fieldtruth.world.placement import FarSwarm, SwarmSpec, WorldBuilder, make_swarm, random_scales, upright_poses
-from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
+from fieldtruth.world.placement import FarSwarm, WorldBuilder, make_swarm, random_scales, upright_poses
 
 TREES_TO: Final = 62.0
 """Distance [m] from the edge within which there are single trees and the trails continue."""
@@ -24,7 +24,6 @@ EAVES, ROOF = 4.0, 10.5
 """Mean height [m] of a wood's canopy at its rim, where trees hide it, and inside."""
 NEAR: Final = 20.0
 """Distance [m] from the edge within which trees have more detail, because single leaves are visible."""
-NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.1, 0.025, 0.25
 SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
@@ -63,10 +62,10 @@ def _waves(shortest: float, longest: float, rng: np.random.Generator) -> Land:
 
 
 def make_surroundings(
-    builder: WorldBuilder, terrain: Terrain, share: float, rng: np.random.Generator
+    builder: WorldBuilder, terrain: Terrain, config: Config, rng: np.random.Generator
 ) -> tuple[Mesh, list[FarSwarm]]:
-    """The land down to the horizon with its trails, and its swarms; ``share`` scales trees and bushes, 0 is without."""
-    size = builder.size
+    """The land down to the horizon with its trails, and its swarms; ``config.beyond`` scales trees and bushes."""
+    size, planter, share = builder.size, config.planter, float(config.beyond)
     hills, wooded, wood = make_land(size, rng)
 
     def cover(x: Array, y: Array, slope: Array) -> Index:
@@ -83,24 +82,17 @@ def make_surroundings(
         backdrop = merge_meshes("backdrop", [backdrop, *ribbons], footprint=backdrop.footprint)
     if share == 0:
         return backdrop, []
-    near, far = (_make_trees(name, detail, rng) for name, detail in (("near", NEAR_DETAIL), ("far", DETAIL)))
+    near, far = (
+        [planter.individual(group, species, k, rng) for k, species in enumerate(SPECIES_BEYOND)]
+        for group in ("near_tree", "far_tree")
+    )
     avenues = _avenues(lines, share, rng)
     outside = distance_beyond(size, *avenues.T)
     return backdrop, [
         _tree_swarm("avenues_near", near, avenues[outside < NEAR], ground, 0.1, rng),
         _tree_swarm("avenues_beyond", far, avenues[outside >= NEAR], ground, 0.1, rng),
         _rims(far, hills, wood, size, share, rng),
-        *_groups(size, ground, lines, (near, far), share, rng),
-    ]
-
-
-def _make_trees(name: str, detail: float, rng: np.random.Generator) -> list[Mesh]:
-    """One or two trees of each species."""
-    return [
-        grow_tree(
-            TREES[species], name=f"{name}_{species}_{k}", height=float(rng.uniform(8.5, 14.0)), rng=rng, detail=detail
-        )
-        for k, species in enumerate(SPECIES_BEYOND)
+        *_groups(size, ground, lines, (near, far), config, rng),
     ]
 
 
@@ -203,10 +195,11 @@ def _groups(
     ground: Land,
     lines: Sequence[Line],
     near_and_far: tuple[Sequence[Mesh], Sequence[Mesh]],
-    share: float,
+    config: Config,
     rng: np.random.Generator,
 ) -> list[FarSwarm]:
     """Loose groups of trees and bushes with long grass between them, off the trails."""
+    planter, share = config.planter, float(config.beyond)
     grove, thicket = _waves(24.0, 60.0, rng), _waves(9.0, 20.0, rng)
 
     def off_trails(xy: Array, clear: float) -> Mask:
@@ -224,19 +217,9 @@ def _groups(
         return np.asarray(np.clip(0.8 * thicket(*xy.T) - 0.7, 0.0, 0.8) * off_trails(xy, 2.2) * share)
 
     near, far = near_and_far
-    bush_meshes = [
-        grow_bush(BUSHES[name], name=f"far_{name}", height=height, rng=rng, detail=BUSH_DETAIL)
-        for name, height in (("hazel", 2.0), ("box", 1.0), ("bramble", 1.0))
-    ]
-    meadow = {GRASSES["meadow"]: 0.8, GRASSES["yarrow"]: 0.2}
-    clumps = [
-        grow_clump(meadow, name=f"far_meadow_{k}", radius=0.8, per_m2=7.0, rng=rng, size=0.2, detail=0.5)
-        for k in range(3)
-    ]
-    near_spec = SwarmSpec(name="trees_near", kind="tree", meshes=near, per_m2=0.007, scales=(0.6, 1.2), sink=0.1)
-    far_spec = SwarmSpec(name="trees_beyond", kind="tree", meshes=far, per_m2=0.011, scales=(0.6, 1.2), sink=0.1)
-    bush_spec = SwarmSpec(name="bushes_beyond", kind="bush", meshes=bush_meshes, per_m2=0.022, scales=(0.7, 1.3))
-    grass_spec = SwarmSpec(name="high_grass_beyond", kind="high_grass", meshes=clumps, per_m2=0.6, tilt=1.0)
+    bush_spec = planter.swarm("bushes_beyond", planter.grow("far_bush", rng))
+    grass_spec = planter.swarm("high_grass_beyond", planter.grow("far_meadow", rng))
+    near_spec, far_spec = planter.swarm("trees_near", near), planter.swarm("trees_beyond", far)
     return [
         scatter_beyond(size, ground, near_spec, rng, within=NEAR, margin=4.0, density=woods),
         scatter_beyond(size, ground, far_spec, rng, within=TREES_TO, margin=NEAR, density=woods),

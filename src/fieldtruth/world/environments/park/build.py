@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -28,17 +28,15 @@ from fieldtruth.world.grids import (
     noise_map,
     signed_distance,
 )
-from fieldtruth.world.model import Heightfield, Instance, Mesh, Terrain, World
+from fieldtruth.world.model import Heightfield, Instance, Terrain, World
 from fieldtruth.world.placement import (
     Density,
     ObjectGroup,
-    SwarmSpec,
     WorldBuilder,
     eased,
     place_until_count,
     random_tint,
 )
-from fieldtruth.world.plants import GRASSES, TREES, grow_clump, grow_tree, grow_tuft
 from fieldtruth.world.relief import with_layer, with_microrelief
 
 
@@ -145,10 +143,6 @@ def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], 
         builder.along_trails(rest, rng, offset=0.6)
 
 
-COMMON: Final = ("lime", "birch", "oak")
-RARE: Final[Mapping[str, tuple[str, ...]]] = {"large_tree": ("beech", "spruce", "pine"), "small_tree": ("beech",)}
-"""Species: several individuals are grown of common ones, one of each rare one."""
-
 ALIKE: Final = 14.0
 """Distance [m] within which two trees are not copies of one individual if another individual is available."""
 
@@ -158,24 +152,13 @@ TRIES: Final = 6000
 
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
     """Plant large trees, then small ones between them, none on a trail."""
-    few = config.individuals
-    for kind, heights, count, spacing, detail in (
-        ("large_tree", (9.5, 14.5), config.large_trees, 7.0, 0.4),
-        ("small_tree", (3.2, 5.0), config.small_trees, 4.0, 0.6),
-    ):
+    planter, few = config.planter, config.individuals
+    for kind, count, spacing in (("large_tree", config.large_trees, 7.0), ("small_tree", config.small_trees, 4.0)):
+        common, rare = planter.species(kind), planter.species(f"rare_{kind}")
         # The rare ones come second, so that each is planted even if there are few trees.
-        names = [(name, 0) for name in COMMON] + [(name, 0) for name in RARE[kind] if few > 1]
-        names += [(name, k) for k in range(1, few) for name in COMMON]
-        trees = [
-            grow_tree(
-                TREES[name],
-                name=f"{kind}_{name}_{k}",
-                height=float(growth.uniform(*heights)),
-                rng=growth,
-                detail=detail,
-            )
-            for name, k in names
-        ]
+        names = [(kind, name, 0) for name in common] + [(f"rare_{kind}", name, 0) for name in rare if few > 1]
+        names += [(kind, name, k) for k in range(1, few) for name in common]
+        trees = [planter.individual(group, name, k, growth) for group, name, k in names]
         group = ObjectGroup(kind=kind, meshes=trees, count=count, spacing=spacing, scales=(0.9, 1.12), tint=0.07)
         _scatter_varied(builder, group, rng)
 
@@ -210,11 +193,12 @@ def _scatter_varied(builder: WorldBuilder, group: ObjectGroup, rng: np.random.Ge
     group.check_complete(place_until_count(group.count, hits, attempt, spacings=spacings))
 
 
-def plant_herbs(builder: WorldBuilder, beds: Sequence[Bed], share: float, rng: np.random.Generator) -> None:
+def plant_herbs(builder: WorldBuilder, beds: Sequence[Bed], config: Config, rng: np.random.Generator) -> None:
     """Scatter flowers and ornamental grass in the beds, long grass at trunks, posts and edges, and patches of meadow.
 
-    ``share`` scales all densities; 0 plants none.
+    ``config.herbs`` scales all densities; 0 plants none.
     """
+    planter, share = config.planter, config.herbs
     patch = noise_map(builder.size, 11.0, rng, nodes=10)
     base_distance = _base_distance(builder)
 
@@ -234,46 +218,26 @@ def plant_herbs(builder: WorldBuilder, beds: Sequence[Bed], share: float, rng: n
         free = open_ground(xy, 2.2) & (bed_distance(beds, xy) > 1.0) & (base_distance(xy) > 1.0)
         return np.asarray(middle * free * min(share, 1.0))
 
-    rough = _make_tufts("meadow", (0.15, 0.26), 4, rng) + _make_tufts("forest", (0.13, 0.22), 2, rng)
-    spec = SwarmSpec(name="rough_grass", kind="high_grass", meshes=rough, per_m2=16.0, scales=(0.65, 1.1), lean_deg=5.0)
-    builder.scatter_swarm(spec, rng, unmown)
-    species = {GRASSES["meadow"]: 0.62, GRASSES["daisy"]: 0.16, GRASSES["buttercup"]: 0.12, GRASSES["yarrow"]: 0.1}
-    islands = [
-        grow_clump(species, name=f"meadow_island_{k}", radius=0.7, per_m2=10.0, rng=rng, size=0.05, detail=0.55)
-        for k in range(4)
-    ]
-    spec = SwarmSpec(
-        name="meadow_islands", kind="high_grass", meshes=islands, per_m2=0.9, scales=(0.7, 1.05), tilt=1.0, clear=0.9
-    )
-    builder.scatter_swarm(spec, rng, meadow)
-    _plant_beds(builder, beds, share, rng)
+    rough = planter.grow("rough_meadow", rng) + planter.grow("rough_forest", rng)
+    builder.scatter_swarm(planter.swarm("rough_grass", rough), rng, unmown)
+    builder.scatter_swarm(planter.swarm("meadow_islands", planter.grow("meadow_island", rng)), rng, meadow)
+    _plant_beds(builder, beds, config, rng)
 
 
-def _plant_beds(builder: WorldBuilder, beds: Sequence[Bed], share: float, rng: np.random.Generator) -> None:
+def _plant_beds(builder: WorldBuilder, beds: Sequence[Bed], config: Config, rng: np.random.Generator) -> None:
     """Scatter flowers of one species along each bed's border, and a few high tufts among its bushes."""
-    for k, name in enumerate(("daisy", "yarrow", "buttercup")):
-        own = beds[k::3]
+    planter, share = config.planter, config.herbs
+    flowers = planter.species("bed_flower")
+    for k, name in enumerate(flowers):
+        own = beds[k :: len(flowers)]
         if own:
-            tufts = _make_tufts(name, (0.22, 0.42), 4, rng)
-            spec = SwarmSpec(
-                name=f"bed_{name}",
-                kind="flower",
-                meshes=tufts,
-                per_m2=20.0,
-                scales=(0.7, 1.1),
-                lean_deg=5.0,
-                clear=0.12,
-            )
+            spec = planter.swarm(f"bed_{name}", planter.grow("bed_flower", rng, species=[name]), form="bed_flower")
             builder.scatter_swarm(spec, rng, _border(own, share, noise_map(builder.size, 1.7, rng, nodes=10)))
 
     def among_bushes(xy: Array) -> Array:
         return np.asarray((bed_distance(beds, xy) < -0.45) * min(share, 1.0))
 
-    tall = _make_tufts("sedge", (0.45, 0.75), 3, rng) + _make_tufts("dry", (0.45, 0.8), 3, rng)
-    spec = SwarmSpec(
-        name="bed_grass", kind="ornamental_grass", meshes=tall, per_m2=1.8, scales=(0.8, 1.15), lean_deg=3.0, clear=0.2
-    )
-    builder.scatter_swarm(spec, rng, among_bushes)
+    builder.scatter_swarm(planter.swarm("bed_grass", planter.grow("bed_grass", rng)), rng, among_bushes)
 
 
 def _border(beds: Sequence[Bed], share: float, patch: Callable[[Array], Array]) -> Density:
@@ -282,14 +246,6 @@ def _border(beds: Sequence[Bed], share: float, patch: Callable[[Array], Array]) 
         return np.asarray(((inside < -0.16) & (inside > -0.75)) * np.clip(0.45 + 0.5 * patch(xy), 0.0, share))
 
     return density
-
-
-def _make_tufts(name: str, heights: tuple[float, float], count: int, rng: np.random.Generator) -> list[Mesh]:
-    """Tufts of one species from low to high [m]."""
-    return [
-        grow_tuft(GRASSES[name], name=f"{name}_{k}", height=float(height), rng=rng, detail=0.6)
-        for k, height in enumerate(np.linspace(*heights, count))
-    ]
 
 
 def _base_distance(builder: WorldBuilder) -> Callable[[Array], Array]:
@@ -319,11 +275,11 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
     furnish(builder, config, furniture)
     plant_trees(builder, config, trees, plants)
-    beds = lay_beds(builder, config.bushes, bushes)
+    beds = lay_beds(builder, config, bushes)
     edge_beds(builder, beds, herbs)
-    plant_herbs(builder, beds, config.herbs, herbs)
+    plant_herbs(builder, beds, config, herbs)
     terrain = with_layer(cover_ground(builder, beds, config.border_width, cover), layer)
-    backdrop, beyond = make_surroundings(builder, terrain, config.beyond, land)
+    backdrop, beyond = make_surroundings(builder, terrain, config, land)
     return assemble(
         builder,
         terrain,

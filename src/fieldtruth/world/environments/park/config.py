@@ -15,6 +15,7 @@ PLANTED_BEYOND: Final = 0.7
 class Config(GroundConfig):
     """Layout of the park; the counts are those of the published world."""
 
+    environment = "park"
     grounds = ("gravel", "lawn")
 
     relief: Number = 0.21  # [m], standard deviation of the ground's height

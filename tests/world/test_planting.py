@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plants of the environments as data: other species by a layout, and from a user's folder."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sense_worlds import without_textures
+
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.build import build_world, check_layout
+from fieldtruth.world.environments.planting import PLANTINGS, Planter
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES
+
+LAYOUTS = {
+    "park": {"large_tree": ["alder"], "bed_bush": ["gorse"], "bed_flower": ["anemone"]},
+    "lake": {"meadow_tree": ["beech"], "meadow_bush": ["juniper"], "sedge_3": ["bent"]},
+    "hillside": {"pine": ["spruce"], "gorse": ["box"], "grass": ["dry"]},
+    "forest": {"bush": ["box"], "ferns": ["nettle"]},
+}
+FEW: dict[str, dict[str, object]] = {  # quick to build
+    "park": {"size": [50, 40], "bushes": 8, "large_trees": 3, "small_trees": 2, "beyond": 0},
+    "lake": {"waterside_trees": 2, "meadow_trees": 3, "grass": 0.2},
+    "hillside": {"size": [50, 40], "grass": 1, "stones": 0, "pebbles": 0},
+    "forest": {"size": [40, 30], "old_trees": 6, "grown_trees": 4, "young_trees": 4},
+}
+
+
+@pytest.mark.parametrize("environment", LAYOUTS)
+def test_a_layout_plants_other_species_in_every_environment(environment: str) -> None:
+    plants = LAYOUTS[environment]
+    size = {} if environment == "lake" else {"size": [70, 45]}
+    with without_textures():
+        world = build_world(
+            environment, 0, {"plants": plants, "litter": 0, "individuals": 1, **size, **FEW[environment]}
+        )
+    inside = {name for i in world.instances for name in world.meshes[i.mesh].species}
+    inside |= {s for swarm in world.swarms for mesh in swarm.meshes for s in world.meshes[mesh].species}
+    assert {name for names in plants.values() for name in names} <= inside
+
+
+@pytest.mark.parametrize(
+    ("plants", "message"),
+    [
+        ({"larg_tree": ["lime"]}, "unknown group 'larg_tree'; did you mean 'large_tree'"),
+        ({"large_tree": ["limes"]}, "large_tree: unknown species 'limes'; did you mean 'lime'"),
+        ({"large_tree": ["box"]}, "large_tree: unknown species 'box'"),
+        ({"bed_bush": []}, "bed_bush must name one species at least. Available: box"),
+    ],
+)
+def test_mistakes_in_a_layout_are_said(plants: dict[str, list[str]], message: str) -> None:
+    with pytest.raises(ConfigurationError, match=re.escape(message)):
+        check_layout("park", {"plants": plants})
+
+
+def test_a_species_that_is_not_listed_is_as_high_as_it_can_be() -> None:
+    meshes = Planter("park", {"bed_grass": ["anemone"]}).grow("bed_grass", np.random.default_rng(0))
+    highest = 1.5 * GRASSES["anemone"].height[1]
+    assert [mesh.vertices[:, 2].max() for mesh in meshes] == pytest.approx([highest] * 3, rel=0.05)
+
+
+@pytest.mark.parametrize("environment", PLANTINGS)
+def test_every_group_grows(environment: str) -> None:
+    for group in PLANTINGS[environment].groups:
+        planter = Planter(environment, {})
+        names = planter.species(group) or ("oak",)
+        meshes = planter.grow(group, np.random.default_rng(0), count=1, species=names)
+        assert {s for mesh in meshes for s in mesh.species} <= set(names)
+        assert set(names) <= {*TREES, *BUSHES, *GRASSES}
+
+
+def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:
+    (tmp_path / "trees").mkdir()
+    lime = Path(sys.modules[Planter.__module__].__file__ or "").parents[1] / "data/trees/lime.yaml"
+    text = re.sub(r"(?ms)^(materials|textures):.*?(?=^\S|\Z)", "", lime.read_text())
+    (tmp_path / "trees/rowan.yaml").write_text(text)
+    code = (
+        "from fieldtruth.world.environments.planting import Planter; import numpy as np;"
+        "print(Planter('park', {'small_tree': ['rowan']}).grow('small_tree', np.random.default_rng(0))[0].species)"
+    )
+    environment = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "('rowan',)"
+    (tmp_path / "trees/rowan.yaml").rename(tmp_path / "trees/oak.yaml")
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert "the name 'oak' is already used by" in done.stderr
