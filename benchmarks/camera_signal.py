@@ -16,8 +16,8 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 from photo_figures import kurtosis, local_contrast, spectrum_slope
+from views import poses_on_route
 
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.catalogue import datasheet_of, preset_of

@@ -16,8 +16,9 @@ from pathlib import Path
 from time import process_time
 from typing import TypeVar
 
+from views import poses_on_route
+
 from fieldtruth.bench import Settings, settings_of
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene

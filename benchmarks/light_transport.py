@@ -24,9 +24,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+from views import poses_on_route
 
 import fieldtruth as ft
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, LightTable, sky_radiance

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from photo_figures import LUMINANCE, figures, made_narrower
+from views import poses_on_route
 
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment

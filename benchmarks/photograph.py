@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 from numba import njit
+from views import poses_on_route
 
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.kernels.camera import tonemap

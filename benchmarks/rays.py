@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from views import poses_on_route
 
 import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
-from fieldtruth.bench.sensors import pixel_directions, poses_on_route
+from fieldtruth.bench.sensors import pixel_directions
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.packets import Packet, new_packet, set_ray

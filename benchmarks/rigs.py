@@ -20,7 +20,7 @@ from typing import Final
 
 import fieldtruth as ft
 from fieldtruth.bench import settings_of
-from fieldtruth.bench.recording import Recorded, Stretches, record, sensors_of
+from fieldtruth.bench.sensors import Recorded, Stretches, record, sensors_of
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.light_config import LightConfig

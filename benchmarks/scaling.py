@@ -15,9 +15,9 @@ from itertools import product
 from time import perf_counter
 
 import numpy as np
+from views import poses_on_route
 
 from fieldtruth.bench import Settings, settings_of
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.render.bake import bake

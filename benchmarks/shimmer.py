@@ -17,9 +17,9 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
+from views import poses_on_route
 
 import fieldtruth as ft
-from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment

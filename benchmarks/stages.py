@@ -16,9 +16,8 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import fieldtruth as ft
-from fieldtruth.bench import settings_of, table
-from fieldtruth.bench.measure import peak_memory
-from fieldtruth.bench.recording import record, stretches_of
+from fieldtruth.bench import peak_memory, settings_of, table
+from fieldtruth.bench.sensors import record, stretches_of
 from fieldtruth.drive.plan import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from fieldtruth.bench.sensors import poses_on_route
+from fieldtruth.drive.plan import expected_path, pose_on_ground
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
 from fieldtruth.render.bake import bake
@@ -44,7 +44,9 @@ def sheet(experiment: Experiment) -> NDArray[np.uint8]:
     config = experiment.rig.cameras[0]
     camera, imager = Camera(config, baked), config.imagers()[0]
     views = []
-    for pose in poses_on_route(experiment.route, world, experiment.rig, VIEWS):
+    path = expected_path(experiment, world)
+    for viewpoint in path[np.linspace(0, len(path) - 1, VIEWS).astype(int)]:
+        pose = pose_on_ground(world.terrain.field, viewpoint, experiment.rig)
         photo = camera.render(pose @ imager.base_from_optical).photo
         views.append(cv2.resize(photo, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA))
     rows = [np.hstack(views[k : k + COLUMNS]) for k in range(0, VIEWS, COLUMNS)]

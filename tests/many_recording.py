@@ -14,6 +14,7 @@ from record_fakes import FakeCamera, FakeEngine, FakeImages, FakeLidar, FakeScan
 
 from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate_by
 
 SECONDS = 0.6
@@ -35,11 +36,12 @@ class _Camera(FakeCamera):
         return replace(images, instance=images.instance // 300 % 2)
 
 
-def record_many(folder: Path) -> Path:
+def record_many(folder: Path, rig: Rig | None = None) -> Path:
     """Record a run in ``folder``, and return its folder; images and clouds depend on the poses of their sensors."""
     world = replace(make_world(), object_names=("husky", "ground"))
     engine = FakeEngine(lambda _: world, plan_and_drive, _Lidar, _Camera)
-    experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
+    rig = rig or many_rig()
+    experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=rig)
     return generate_by(engine, experiment, folder).parent
 
 

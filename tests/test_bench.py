@@ -14,11 +14,11 @@ import pytest
 from many_sensors import many_rig
 from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
+from views import poses_on_route
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.recording import Stretches, record, stretches_of
-from fieldtruth.bench.sensors import pixel_directions, poses_on_route
+from fieldtruth.bench.sensors import Stretches, pixel_directions, record, stretches_of
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
@@ -170,7 +170,7 @@ def test_photographs_that_are_timed_are_those_that_are_recorded(
         return call
 
     for name in ("perf_counter", "thread_time"):
-        monkeypatch.setattr(f"fieldtruth.bench.recording.{name}", lambda: getattr(clock, "now", 0.0))
+        monkeypatch.setattr(f"fieldtruth.bench.sensors.{name}", lambda: getattr(clock, "now", 0.0))
     monkeypatch.setattr(IdealCamera, "render", passing(IdealCamera.render, 1.0))
     monkeypatch.setattr(BareTracer, "trace", passing(BareTracer.trace, 0.5))
     experiment = EXPERIMENT.model_copy(update={"seconds": 2.2})

@@ -5,16 +5,23 @@
 Late imports inside functions and imports for type checkers count as well.
 """
 
+import io
+import re
+import tokenize
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Final
 
 import grimp
 import pytest
 from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
+SOURCE: Final = Path(__file__).parents[1] / "src/fieldtruth"
+A_KIND: Final = re.compile(r"(?i:lidar|camera|stereo|gnss|wheel_?odometry)|Imu|(?i:(^|_)imus?(_|$))")
+
 
 def test_every_import_points_to_a_lower_layer(capsys: pytest.CaptureFixture[str]) -> None:
-    status = lint_imports(config_filename=str(Path(__file__).parents[1] / "pyproject.toml"), no_cache=True)
+    status = lint_imports(config_filename=str(SOURCE.parents[1] / "pyproject.toml"), no_cache=True)
     assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
 
 
@@ -25,3 +32,29 @@ def test_no_module_imports_itself_through_others() -> None:
         TopologicalSorter(imports).prepare()
     except CycleError as error:
         pytest.fail("import cycle: " + " -> ".join(error.args[1]))
+
+
+def kinds_named(source: str) -> list[str]:
+    """Names and words in code that name a kind of sensor; comments and docstrings may explain it."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    words = (t.string.strip("'\"") for t in tokens if t.type in (tokenize.NAME, tokenize.STRING))
+    return [word for word in words if word.isidentifier() and A_KIND.search(word)]
+
+
+def test_kinds_of_sensors_are_recognised_in_code() -> None:
+    code = '# a camera\nfrom a.gnss.b import ImuConfig\n"""A LiDAR."""\nif kind == \'stereo\':\n    rig.imu.minimum\n'
+    assert kinds_named(code) == ["gnss", "ImuConfig", "stereo", "imu"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cluster", "core", "degradation.py", "interchange", "ontology", "pipeline.py", "record", "render", "simulation",
+     "validation", "world"],
+)  # fmt: skip
+def test_only_its_own_folder_names_a_kind_of_sensor(name: str) -> None:
+    """Packages that serve kinds of other packages as they serve our own; those that name one are not listed yet."""
+    path = SOURCE / name
+    files = sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    assert files
+    found = {file.name: kinds_named(file.read_text(encoding="utf-8")) for file in files}
+    assert {file: words for file, words in found.items() if words} == {}

@@ -27,7 +27,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.ontology import LabelMap, label_map_of
 
 Sensor = Literal["camera", "lidar"]
 

@@ -16,7 +16,7 @@ from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.core.errors import FieldtruthWarning
-from fieldtruth.core.outputs import output_folder
+from fieldtruth.core.files import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_seconds
@@ -29,6 +29,7 @@ from fieldtruth.record.streams import Sensors, Stream, sensor_factory, streams_o
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.first_run import wait_for_kernels
 from fieldtruth.simulation.stepped import Driven, Simulation
 from fieldtruth.world.model import World
 
@@ -180,6 +181,7 @@ def _generate(
         slices_folder = run.slices(prepared.key)
         with progress.stage("prepare the scene"):
             slices = prepared.slices(slices_folder)
+        wait_for_kernels(progress)
         whole = slices_folder / "whole.bag"
         slices.record(whole, cpu_count() if workers is None else workers, progress)
         with progress.stage("card and checksums"):

@@ -11,7 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from fieldtruth.bag.decode import count_messages, read_bag
@@ -64,6 +68,45 @@ def test_messages_are_those_of_the_bag_but_for_their_sequence_numbers(small_run:
         for r in read_bag(find_bag(path), ["/tf", "/tf_static"])
     ]
     assert transforms[: len(transforms) // 2] == transforms[len(transforms) // 2 :]
+
+
+@pytest.fixture(scope="module", params=["folder", "zstd"])
+def database(made: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """The same messages as ``ros2 bag record`` stores them by default: a database and metadata.yaml."""
+    folder = tmp_path_factory.mktemp(request.param) / "park_1"
+    writer = Ros2Writer(folder, version=9)
+    if request.param == "zstd":
+        writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with Ros2Reader(find_bag(made)) as source, writer as target:
+        known = {}
+        for c in source.connections:
+            qos = c.ext.offered_qos_profiles if isinstance(c.ext, ConnectionExtRosbag2) else ()
+            text = c.msgdef.data
+            known[c.id] = target.add_connection(
+                c.topic, c.msgtype, msgdef=text, rihs01=c.digest or "RIHS01_unknown", offered_qos_profiles=qos
+            )
+        for c, stamp, data in source.messages(source.connections):
+            target.write(known[c.id], stamp, data)
+    return folder
+
+
+def test_a_database_of_ros_2_has_what_the_bag_has(small_run: Path, database: Path, made: Path) -> None:
+    with open_bag(find_bag(made)) as ours, open_bag(find_bag(database)) as theirs:
+        assert (theirs.counts, theirs.msgtypes) == (ours.counts, ours.msgtypes)
+        assert (theirs.start_ns, theirs.end_ns) == (ours.start_ns, ours.end_ns)
+        latched = [{c.topic for c in bag.connections if getattr(c.ext, "latching", 0)} for bag in (ours, theirs)]
+        assert latched[0] == latched[1] != set()
+    messages = [sorted(map(without_numbers, raw(find_bag(path)))) for path in (made, database)]
+    assert messages[0] == messages[1]
+    if database.parent.name.startswith("zstd"):
+        return  # each read parses metadata.yaml
+    items = ("mask", "cloud", "pose")
+    expected, found = RunDataset(small_run, items), RunDataset(database, items)
+    assert len(expected) == len(found) > 3
+    for i in (len(found) - 1, 0, 2):  # in any order
+        a, b = expected[i], found[i]
+        for key in a.keys() - {"run"}:
+            np.testing.assert_array_equal(b[key], a[key])
 
 
 def test_counts_types_definitions_stamps_and_index_are_those_of_the_bag(small_run: Path, made: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.outputs import output_folder, output_path
+from fieldtruth.core.files import output_folder, output_path
 
 RUN = "run"
 LONG = 250 * "x"

@@ -22,7 +22,7 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.readings import cloud_of
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate
-from fieldtruth.ontology.label_map import label_map_of
+from fieldtruth.ontology import label_map_of
 
 ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in ("normals", "flow"))  # which the small run lacks
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"

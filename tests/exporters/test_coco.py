@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.exporters import export
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 THINGS = {2: "trunk and branch", 3: "treetop", 4: "bush", 5: "rock", 8: "lamp post", 9: "trash bin", 10: "table",
           11: "bench", 12: "post", 13: "cable"}  # fmt: skip

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pycocotools import mask as masks
 
 from fieldtruth.exporters.coco import STUFF, Numbering, categories_of, segments_of
-from fieldtruth.ontology.label_map import OWN
+from fieldtruth.ontology import OWN
 from fieldtruth.world.build import load_world
 
 

@@ -27,7 +27,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import Options, export, files
-from fieldtruth.ontology.label_map import LabelMap, OntologyClass
+from fieldtruth.ontology import LabelMap, OntologyClass
 
 FOLDERS = ("img_{}", "img_{}_tag", "depth_{}", "depth_{}_raw", "instances_{}")
 ONCE = {

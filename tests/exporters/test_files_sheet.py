@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
 from fieldtruth.exporters.files_sheet import write_sheet
-from fieldtruth.ontology.label_map import LabelMap, OntologyClass
+from fieldtruth.ontology import LabelMap, OntologyClass
 
 TAGS = {side: f"/stereo/camera/{side}/tag/img_raw" for side in ("left", "right")}
 POINTS = "/os1_cloud_node/points"

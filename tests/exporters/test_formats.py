@@ -19,7 +19,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import FORMATS, Options, export
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 
 def digest(path: Path) -> dict[str, str]:
@@ -50,11 +50,13 @@ def test_default_output_and_bytes_for_any_workers(
     if to in OF_WORLDS:
         shutil.copy(brief_run / "experiment.yaml", tmp_path)
     before, files = digest(Path(bag)), [path.name for path in tmp_path.iterdir()]
-    assert cli.main(["export", str(bag), "--to", to, "--workers", "1"]) == 0
+    coarse = ["--voxel", "0.5"] if to == "occupancy" else []
+    assert cli.main(["export", str(bag), "--to", to, "--workers", "1", *coarse]) == 0
     made = tmp_path / f"park_1{FORMATS[to].suffix}"
     assert capsys.readouterr().out.startswith(f"{made}: ")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, *files])
-    other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2)
+    voxel_m = 0.5 if coarse else None
+    other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2, voxel_m=voxel_m)
     assert digest(other) == digest(made)
     assert digest(Path(bag)) == before
 

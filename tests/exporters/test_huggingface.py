@@ -20,7 +20,7 @@ from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
 from fieldtruth.exporters.image_files import encode_tiff
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
 from fieldtruth.exporters.mmseg import train_ids
-from fieldtruth.ontology.label_map import LABEL_MAPS, OWN
+from fieldtruth.ontology import LABEL_MAPS, OWN
 
 SIDES = ("left", "right")
 

@@ -19,7 +19,7 @@ from published_truth import Truth, read_truth
 
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.exporters import export
-from fieldtruth.ontology.label_map import LABEL_MAPS
+from fieldtruth.ontology import LABEL_MAPS
 
 SIDES = ("left", "right")
 

@@ -140,6 +140,22 @@ def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str
     write_robot(tmp_path, paper_rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
 
 
+@pytest.mark.parametrize(
+    ("robot", "title", "name"),
+    [
+        (RobotConfig(), "Clearpath Husky", "Husky"),
+        (RobotConfig(model="scout"), "AgileX Scout 2.0", "Scout 2.0"),
+        (RobotConfig(model="generic_skid_steer"), "Skid-steer robot of 30 kg", "robot"),
+        (RobotConfig(max_speed=0.7), "Robot with figures other than a Clearpath Husky's", "robot"),
+    ],
+)
+def test_words_are_those_of_the_robot(robot: RobotConfig, title: str, name: str, tmp_path: Path) -> None:
+    assert parts.robot_words(robot) == (title, name)
+    write_robot(tmp_path, Rig(robot=robot), "classic")
+    for path in ("models/husky/model.config", "models/husky/model.sdf", "urdf/husky.urdf"):
+        assert f"{title} with " in (tmp_path / path).read_text().replace("&#39;", "'")
+
+
 @RIGS
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_lens_is_our_pinhole(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:

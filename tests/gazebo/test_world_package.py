@@ -18,7 +18,7 @@ from interchange_worlds import small_world
 from scipy.spatial import KDTree
 from sdf_reader import F8, Shape, matrix, resolve, shapes
 
-from fieldtruth.core import memory
+from fieldtruth.core import parallel
 from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
@@ -300,7 +300,7 @@ def test_bad_input_is_one_line_and_writes_nothing(world: World, tmp_path: Path) 
 def test_a_world_larger_than_the_memory_is_refused(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 50_000_000)
+    monkeypatch.setattr(parallel, "available_memory", lambda: 50_000_000)
     with pytest.raises(OutputError, match=r"^format 'gazebo' of small needs about .* GB of memory, .*--no-beyond"):
         write_gazebo(world, tmp_path / "out")
     assert not any(tmp_path.iterdir())

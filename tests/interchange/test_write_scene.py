@@ -12,7 +12,7 @@ import pytest
 from interchange_worlds import small_world
 
 from fieldtruth import cli
-from fieldtruth.core import memory
+from fieldtruth.core import parallel
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.interchange import FORMATS, glb, write_scene
 from fieldtruth.world import build
@@ -89,7 +89,7 @@ def test_a_full_disk_leaves_nothing(world: World, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_scene_larger_than_the_memory_is_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "available_memory", lambda: 50_000_000)
+    monkeypatch.setattr(parallel, "available_memory", lambda: 50_000_000)
     expected = r"^format 'gltf' of tiny needs about 0\.\d GB of memory, but 0\.1 GB are available; .*--no-beyond"
     with pytest.raises(OutputError, match=expected):
         write_scene(world, "new.glb", to="gltf")
@@ -118,12 +118,12 @@ def test_available_memory_is_that_of_the_system_or_the_container(
     files = {"_SYSTEM": "MemTotal: 9 kB\nMemAvailable:    2000 kB\n", "_LIMIT": "900000\n", "_USED": "100000\n"}
     for name, text in files.items():
         (tmp_path / name).write_text(text)
-        monkeypatch.setattr(memory, name, tmp_path / name)
-    assert memory.available_memory() == 800_000
+        monkeypatch.setattr(parallel, name, tmp_path / name)
+    assert parallel.available_memory() == 800_000
     (tmp_path / "_LIMIT").write_text("max\n")
-    assert memory.available_memory() == 2_048_000
+    assert parallel.available_memory() == 2_048_000
     (tmp_path / "_SYSTEM").unlink()
-    assert memory.available_memory() is None
+    assert parallel.available_memory() is None
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -13,17 +13,14 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.page.bag_pass import class_ids, count_pixels
-from fieldtruth.report.page.series import VERTICES, Decimator, Fixes, Line, Motion, draw_curves, time_ticks
+from fieldtruth.report.page.series import BUCKETS, VERTICES, Fixes, Line, Motion, decimated, draw_curves, time_ticks
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9
 
 
-def decimated(stamps: Any, values: Any, *, blocks: int = 1) -> list[Line]:
-    decimator = Decimator(values.shape[1], int(stamps[0]), int(stamps[-1]))
-    for part in np.array_split(np.arange(len(stamps)), blocks):
-        decimator.add(stamps[part], values[part])
-    return decimator.lines()
+def lines(stamps: Any, values: Any) -> list[Line]:
+    return [decimated(stamps, column, (int(stamps[0]), int(stamps[-1]), BUCKETS)) for column in values.T]
 
 
 def test_decimation_keeps_readings_and_every_extreme() -> None:
@@ -31,7 +28,7 @@ def test_decimation_keeps_readings_and_every_extreme() -> None:
     stamps = np.arange(1, 700_001, dtype=np.int64) * 1_000_000
     values = rng.normal(size=(700_000, 2)).cumsum(axis=0)
     values[123_456, 0], values[654_321, 1] = 1e6, -1e6  # single readings far outside
-    for channel, line in enumerate(decimated(stamps, values)):
+    for channel, line in enumerate(lines(stamps, values)):
         assert 1000 < len(line.values) <= VERTICES
         assert (np.diff(line.stamps_ns) > 0).all()
         rows = line.stamps_ns // 1_000_000 - 1
@@ -44,22 +41,13 @@ def test_decimation_keeps_readings_and_every_extreme() -> None:
             assert (extreme.reduceat(values[:, channel], edges) == extreme.reduceat(line.values, kept_edges)).all()
 
 
-def test_decimation_does_not_depend_on_the_blocks() -> None:
-    rng = np.random.default_rng(2)
-    stamps = np.sort(rng.integers(0, 10 * SECOND, 20_000))
-    values = rng.normal(size=(20_000, 3))
-    for one, many in zip(decimated(stamps, values), decimated(stamps, values, blocks=37), strict=True):
-        assert (one.stamps_ns == many.stamps_ns).all()
-        assert (one.values == many.values).all()
-
-
 def test_short_series_is_kept_whole_without_nan_and_inf() -> None:
     stamps = np.arange(1, 101, dtype=np.int64) * 20_000_000
     values = np.sin(stamps / 1e8)[:, None]
-    (line,) = decimated(stamps, values)
+    (line,) = lines(stamps, values)
     assert (line.stamps_ns == stamps).all()
     values[10], values[20] = np.nan, np.inf
-    (line,) = decimated(stamps, values)
+    (line,) = lines(stamps, values)
     assert len(line.values) == 98
     assert np.isfinite(line.values).all()
 
@@ -137,18 +125,18 @@ def odometry(pose: Any, velocity: Any) -> Any:
 
 
 def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
-    motion = Motion((0, 40 * SECOND // 10, 1000), from_model_states=False)
+    motion = Motion(from_model_states=False)
     yaws = np.arange(150.0, 230.0, 2.0)
     for k, yaw in enumerate(yaws):
         motion.add(
             k * SECOND // 10, motion.row(odometry(transforms.pose((k, 0.0, 0.5), (3.0, -7.0, yaw)), (0.3, 0.4, 0.0)))
         )
-    lines = motion.lines()
-    assert lines["tilt"]["roll"].values == pytest.approx(np.full(40, 3.0))
-    assert lines["tilt"]["pitch"].values == pytest.approx(np.full(40, -7.0))
-    assert lines["heading"]["heading"].values == pytest.approx(yaws)
-    assert lines["speed"]["speed"].values == pytest.approx(np.full(40, 0.5))
-    assert lines["height"]["height"].values == pytest.approx(np.full(40, 0.5))
+    found = motion.lines((0, 40 * SECOND // 10, BUCKETS))
+    assert found["tilt"]["roll"].values == pytest.approx(np.full(40, 3.0))
+    assert found["tilt"]["pitch"].values == pytest.approx(np.full(40, -7.0))
+    assert found["heading"]["heading"].values == pytest.approx(yaws)
+    assert found["speed"]["speed"].values == pytest.approx(np.full(40, 0.5))
+    assert found["height"]["height"].values == pytest.approx(np.full(40, 0.5))
     trajectory = motion.trajectory()
     assert trajectory is not None
     assert trajectory.length_m == pytest.approx(39.0)
@@ -156,19 +144,19 @@ def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
 
 
 def test_pose_with_zero_quaternion_is_skipped() -> None:
-    motion = Motion((0, SECOND, 1000), from_model_states=False)
+    motion = Motion(from_model_states=False)
     motion.add(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert motion.trajectory() is None
 
 
 def test_fixes_are_metres_from_the_first() -> None:
-    fixes = Fixes((0, 2 * SECOND, 1000))
+    fixes = Fixes()
     degree = 111_319.49079  # [m] of longitude at the equator: the WGS 84 semi-major axis times pi / 180
     for k, (latitude, longitude, height) in enumerate(
         [(0.0, 8.9, 2.0), (0.0, 8.9 + 10.0 / degree, 2.0), (0.0, 8.9, 5.0)]
     ):
         fixes.add(k * SECOND, (latitude, longitude, height))
-    found = fixes.lines()["gnss"]
+    found = fixes.lines((0, 2 * SECOND, BUCKETS))["gnss"]
     assert found["east"].values == pytest.approx([0.0, 10.0, 0.0], abs=1e-4)
     assert found["north"].values == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
     assert found["up"].values == pytest.approx([0.0, 0.0, 3.0], abs=1e-4)

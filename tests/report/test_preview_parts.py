@@ -15,8 +15,8 @@ from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
+from fieldtruth.report.preview.content import free_viewpoints, most_informative, obstacles
 from fieldtruth.report.preview.sheet import view_of
-from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative, obstacles
 from fieldtruth.sense.scene import Scene
 
 

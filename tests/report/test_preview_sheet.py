@@ -13,9 +13,8 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report.preview import content as content_module
 from fieldtruth.report.preview import preview
-from fieldtruth.report.preview.chart import occurring_classes
 from fieldtruth.report.preview.content import SheetContent, collect_content
-from fieldtruth.report.preview.sheet import draw_sheet
+from fieldtruth.report.preview.sheet import draw_sheet, occurring_classes
 
 
 def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:

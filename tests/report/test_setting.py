@@ -16,7 +16,7 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.exporters.frames import Member
 from fieldtruth.exporters.huggingface_card import card_text, croissant_text
-from fieldtruth.ontology.label_map import label_map_of
+from fieldtruth.ontology import label_map_of
 from fieldtruth.report.card import collection_of, conditions_of, data_card, robot_title
 
 WORDS = {

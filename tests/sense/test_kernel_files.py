@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled kernels are read from the cache folder only if they are intact and for the same types."""
 
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
+from numba.core.errors import TypingError
 
 from fieldtruth.kernels import compile as kernels
 
@@ -51,3 +54,41 @@ def test_damaged_code_and_code_for_other_types_are_compiled_again(source: Any, t
 def test_without_a_writable_folder_kernels_are_compiled_in_each_process(source: Any, tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("a file, not a folder")
     assert call(source, 21) == (42, 0)
+
+
+def locked(tmp_path: Path) -> list[Path]:
+    return [path for path in files(tmp_path) if path.suffix == ".lock"]
+
+
+def test_who_needs_what_another_process_compiles_waits_for_its_file(source: Any, tmp_path: Path) -> None:
+    assert call(source, 21) == (42, 0)
+    (whole,) = files(tmp_path)
+    data, found = whole.read_bytes(), list[tuple[object, int]]()
+    whole.unlink()
+    with FileLock(whole.with_suffix(".lock"), thread_local=False) as other:
+        waiting = threading.Thread(target=lambda: found.append(call(source, 21)))
+        waiting.start()
+        waiting.join(0.5)
+        assert waiting.is_alive()
+        whole.write_bytes(data)
+        other.release()
+        waiting.join(60.0)
+    assert found == [(42, 1)]
+
+
+def test_what_cannot_be_compiled_is_not_waited_for(source: Any, tmp_path: Path) -> None:
+    for _ in range(2):
+        with pytest.raises(TypingError):
+            kernels.kernel(source.twice)(None)
+        assert not locked(tmp_path)
+
+
+def test_a_constant_argument_compiles_no_version_of_its_own(source: Any, tmp_path: Path) -> None:
+    twice = kernels.kernel(source.twice)
+
+    @kernels.kernel
+    def many(x: int) -> int:
+        return twice(1) + twice(2) + twice(x)  # type: ignore[no-any-return]
+
+    assert many(3) == 12
+    assert len(twice.signatures) == 1

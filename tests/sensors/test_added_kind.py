@@ -120,3 +120,9 @@ def test_all_commands_find_it_in_processes_of_their_own(package: Path) -> None:
         run(package, "export", "--to", form, "data/heard")
     run(package, "generate", "heard.yaml", "--out", "clustered", "--local-cluster", "1")
     assert (package / "clustered" / "heard" / "heard.bag").read_bytes() == bag.read_bytes()
+
+
+def test_a_kind_that_gazebo_cannot_hold_is_named(package: Path) -> None:
+    said = run(package, "gazebo", "park", "--flavour", "gz", "--experiment", "heard.yaml", "--out", "gz", code=2)
+    line = "rig.sensors: below is of kind sonar, which a Gazebo package cannot hold; give enabled: false"
+    assert said == f"error: {line}\n"

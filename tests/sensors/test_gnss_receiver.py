@@ -20,8 +20,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.sensing import GnssErrors
-from fieldtruth.sensors.gnss.sensor import Gnss
+from fieldtruth.sensors.gnss.measuring import GnssErrors
+from fieldtruth.sensors.gnss.sensor import Gnss, _line
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
@@ -203,3 +203,8 @@ def test_checks_of_measured_fixes() -> None:
     assert "as large as" in _checked(changed(covariance=fixes.covariance * 1e6), true, config).text
     assert "without a position" in _checked(changed(status=np.full(60, -1)), true, config).text
     assert "if there are errors" in _checked(changed(covariance=fixes.covariance * 0.0), true, config).text
+
+
+def test_a_run_that_ends_before_the_first_reading_has_a_line_of_the_card() -> None:
+    nothing = SimpleNamespace(status=np.zeros(0, np.int8), satellites=np.zeros(0, np.int64))
+    assert _line("gnss", nothing) == "- GNSS receiver `gnss`: no reading was due."  # type: ignore[arg-type]

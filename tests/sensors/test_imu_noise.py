@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.track import ImuReadings, stamps_at_rate
 from fieldtruth.sensors.imu.config import ImuSignal
 from fieldtruth.sensors.imu.sensing import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised

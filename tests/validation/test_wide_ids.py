@@ -27,7 +27,7 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco import Numbering, categories_of
-from fieldtruth.ontology.label_map import OWN
+from fieldtruth.ontology import OWN
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.config import StereoConfig

@@ -28,8 +28,7 @@ from fieldtruth.bag.topics import ROBOT
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.core.files import locked, output_errors
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import locked, output_errors, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Stamps

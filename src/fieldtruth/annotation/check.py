@@ -8,28 +8,34 @@ which stamps readings, and that of the bag. ``rosbag record`` uses the computer'
 """
 
 import warnings
-from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from math import ceil, floor, isfinite
-from typing import Final, NamedTuple
+from math import ceil, floor
+from typing import Final
 
 import numpy as np
 
+from fieldtruth.bag import geometry
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.file import BagError, read_errors
-from fieldtruth.bag.geometry import ModelStatesReader, StaticFrames, Trajectory, read_objects, read_static_frames
+from fieldtruth.bag.geometry import (
+    ModelStatesReader,
+    StaticFrames,
+    Trajectory,
+    pose_topic,
+    read_objects,
+    read_static_frames,
+)
 from fieldtruth.bag.messages import ModelStatesWriter, rig_transforms
-from fieldtruth.bag.reader import BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError, nearest_first
-from fieldtruth.core.progress import Advance, timed
+from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.core.progress import Advance
+from fieldtruth.core.transforms import inverse, pose_from_quaternion_wxyz, quaternion_wxyz_from_rotation
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.record.streams import Stream
@@ -180,10 +186,6 @@ def _xyz(xyz: Array) -> str:
 
 LARGEST_STEP_NS: Final = 200_000_000
 """Largest time [ns] between two poses; over a longer gap interpolation is not accurate to a pixel."""
-_UNIT: Final = 1e-3
-"""Largest deviation of a quaternion's squared norm from 1."""
-_LISTED: Final = 20
-"""Models listed in an error message."""
 
 
 @dataclass(frozen=True)
@@ -219,163 +221,33 @@ class Poses:
 
 
 def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
-    """Read the poses of base_link: from /ground_truth/odom or, where that is missing, /gazebo/model_states.
-
-    The whole bag is read, so that damage is found before hours of rendering. Only the poses next to a stamp of the
-    rig's sensors are kept.
+    """Read the poses of base_link; the whole bag is read, so that damage is found before hours of rendering.
 
     Raises:
-        BagError: no poses or only one, a gap between them, time that goes back, poses of a frame that is not connected
-            to base_link, or a damaged bag.
+        BagError: no poses or only one, a gap between them, poses of a frame that is not connected to base_link, or as
+            ``bag.geometry.read_poses``.
         UnknownNameError: no such robot.
     """
-    source = next((topic for topic in (table.ODOMETRY, table.MODEL_STATES) if topic in run.counts), None)
-    if source is None:
+    topic = pose_topic(run)
+    check_type(run, topic)
+    found = geometry.read_poses(run, topic, robot=robot, coarse=True, advance=advance)
+    trajectory = found.trajectory
+    if len(trajectory) < 2:
+        raise BagError(f"{topic} of {run.bag} has only one pose; at least two are required")
+    steps = np.diff(trajectory.stamps_ns)
+    if steps.max() > LARGEST_STEP_NS:
+        before, after = (f"{stamp / 1e9:.3f} s" for stamp in trajectory.stamps_ns[np.argmax(steps) :][:2])
         raise BagError(
-            f"{run.bag} has no poses: neither {table.ODOMETRY} nor {table.MODEL_STATES}; "
-            f"it has: {', '.join(sorted(run.counts))}"
+            f"{topic} has a gap: no pose from {before} to {after}; at most {LARGEST_STEP_NS / 1e9:g} s are allowed; "
+            "annotate a bag that ends before it or begins after it"
         )
-    check_type(run, source)
-    log = _Log(source, rig)
-    with open_bag(run.bag) as bag:
-        reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
-        for raw in timed(bag.messages(), advance, run.start_ns):
-            if raw.topic == source and (pose := reader.pose(raw)) is not None:
-                log.add(pose, raw.stamp_ns)
-    log.finish()
-    if not log.stamps:
-        reader.explain_absence()
-    if len(log.stamps) < 2:
-        raise BagError(f"{source} of {run.bag} has only one pose; at least two are required")
-    return log.poses(_base_from(reader.frame, run, rig))
-
-
-class _Pose(NamedTuple):
-    """A recorded pose: stamp [ns], and x, y, z [m] and quaternion (x, y, z, w) of a frame in the world."""
-
-    stamp_ns: int
-    values: Sequence[float]
-
-
-class _Odometry:
-    """Reads nav_msgs/Odometry. A stamp of zero in a header means that the clock had not started; it is skipped."""
-
-    def __init__(self, bag: BagReader) -> None:
-        self.frame = ""
-        self._decode = decoder(bag)
-
-    def pose(self, raw: RawMessage) -> _Pose | None:
-        message = self._decode(raw)
-        try:
-            p, q = message.pose.pose.position, message.pose.pose.orientation
-            values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-            stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
-        except AttributeError as error:
-            raise BagError(f"{raw.topic} has a different definition of nav_msgs/Odometry: {error}") from error
-        if stamp == 0:
-            return None
-        if self.frame not in ("", frame):
-            raise BagError(f"{raw.topic} must have poses of one frame, got {self.frame!r} and {frame!r}")
-        self.frame = frame
-        return _Pose(stamp, values)
-
-    def explain_absence(self) -> None:
-        raise BagError(f"{table.ODOMETRY} has no stamps: they are 0 in all its headers")
-
-
-class _ModelStates:
-    """Reads gazebo_msgs/ModelStates. It has no header, so the bag's stamps are used. The robot may be spawned late."""
-
-    frame = ""
-
-    def __init__(self, robot: str) -> None:
-        self._robot = robot
-        self._reader = ModelStatesReader()
-
-    def pose(self, raw: RawMessage) -> _Pose | None:
-        rows = self._reader.poses(raw.data)
-        if self._robot not in self._reader.names:
-            return None
-        return _Pose(raw.stamp_ns, rows[self._reader.names.index(self._robot)].tolist())
-
-    def explain_absence(self) -> None:
-        names = nearest_first(self._robot, self._reader.names)
-        raise UnknownNameError(f"model in {table.MODEL_STATES}", self._robot, names[:_LISTED])
-
-
-class _Log:
-    """Takes poses in the order of the bag and keeps those on either side of a stamp of the rig's sensors.
-
-    At 1000 Hz that is one in twenty. A spinning LiDAR needs all of them.
-    """
-
-    def __init__(self, source: str, rig: Rig) -> None:
-        self.source = source
-        self.stamps, self.recorded, self.values = array("q"), array("q"), array("d")
-        seeing = [sensor for sensor in rig.in_order() if sensor.sees]
-        rates = dict.fromkeys(output.rate_hz for each in seeing for output in each.outputs())
-        self._rates = [(Fraction(rate_hz) / 10**9).as_integer_ratio() for rate_hz in rates]
-        self._every = any(sensor.sweep_s for sensor in seeing)
-        self._last: tuple[_Pose, int] | None = None
-        self._kept = False
-
-    def add(self, pose: _Pose, recorded_ns: int) -> None:
-        if not (isfinite(sum(pose.values)) and abs(sum(v * v for v in pose.values[3:]) - 1.0) < _UNIT):
-            raise BagError(f"{self.source} at {_seconds(pose.stamp_ns)} is not a valid pose: {list(pose.values)}")
-        if self._last is None:
-            self._keep(pose, recorded_ns)
-        else:
-            before = self._last[0].stamp_ns
-            # A clock with coarse ticks gives several poses the same stamp; the first is the closest to it.
-            if pose.stamp_ns == before:
-                return
-            self._check_step(before, pose.stamp_ns)
-            if self._every or self._stamp_between(before, pose.stamp_ns):
-                if not self._kept:
-                    self._keep(*self._last)
-                self._keep(pose, recorded_ns)
-            else:
-                self._kept = False
-        self._last = pose, recorded_ns
-
-    def finish(self) -> None:
-        if self._last is not None and not self._kept:
-            self._keep(*self._last)
-
-    def poses(self, base_from_frame: Array | None) -> Poses:
-        """Return the kept poses, converted to base_link if ``base_from_frame`` is given."""
-        table_ = np.frombuffer(self.values).reshape(-1, 7)
-        position, quaternion = table_[:, :3], transforms.wxyz_from_xyzw(table_[:, 3:])
-        if base_from_frame is not None:
-            world_from_base = transforms.pose_from_quaternion_wxyz(position, quaternion) @ transforms.inverse(
-                base_from_frame
-            )
-            position = world_from_base[:, :3, 3]
-            quaternion = transforms.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
-        stamps = np.frombuffer(self.stamps, np.int64)
-        return Poses(self.source, Trajectory(stamps, position, quaternion), np.frombuffer(self.recorded, np.int64))
-
-    def _keep(self, pose: _Pose, recorded_ns: int) -> None:
-        self.stamps.append(pose.stamp_ns)
-        self.recorded.append(recorded_ns)
-        self.values.extend(pose.values)
-        self._kept = True
-
-    def _check_step(self, before: int, after: int) -> None:
-        if after < before:
-            raise BagError(
-                f"{self.source}: time jumps back from {_seconds(before)} to {_seconds(after)}, as after a reset of the "
-                "simulation; annotate a bag that ends before it or begins after it"
-            )
-        if after - before > LARGEST_STEP_NS:
-            raise BagError(
-                f"{self.source} has a gap: no pose from {_seconds(before)} to {_seconds(after)}; at most "
-                f"{LARGEST_STEP_NS / 1e9:g} s are allowed; annotate a bag that ends before it or begins after it"
-            )
-
-    def _stamp_between(self, before: int, after: int) -> bool:
-        """Whether a stamp of a sensor lies between; with a margin of 1 ns, as stamps are rounded."""
-        return any((after + 1) * n // d > (before - 1) * n // d for n, d in self._rates)
+    base_from_frame = _base_from(found.frame, run, rig)
+    if base_from_frame is not None:
+        world_from_frame = pose_from_quaternion_wxyz(trajectory.position, trajectory.quaternion_wxyz)
+        pose = world_from_frame @ inverse(base_from_frame)
+        quaternion = quaternion_wxyz_from_rotation(pose[:, :3, :3])
+        trajectory = Trajectory(trajectory.stamps_ns, pose[:, :3, 3], quaternion)
+    return Poses(topic, trajectory, found.recorded_ns)
 
 
 def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
@@ -390,7 +262,3 @@ def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
     raise BagError(
         f"{table.ODOMETRY} of {run.bag} has poses of {frame!r}, which /tf_static does not connect to {BASE!r}"
     )
-
-
-def _seconds(stamp: int) -> str:
-    return f"{stamp / 1e9:.3f} s"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from fieldtruth.bag.file import BagError, first_bytes
+from fieldtruth.bag.ros2 import is_database
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_config import TRUTH
@@ -104,7 +105,8 @@ class BagFile:
 def find_bag(path: Path | str) -> Path:
     """Return the path of the bag: the file itself, or the one in the folder of a run.
 
-    In a folder, a bag of ROS 1 goes before MCAP files, and one with the folder's name before others.
+    In a folder, a bag of ROS 1 goes before MCAP files, and one with the folder's name before others. A folder of ROS 2,
+    which has metadata.yaml, is itself the bag, unless there is one MCAP file in it.
 
     Raises:
         BagError: no such path, something else than a file or a folder, no bag in the folder, or several.
@@ -119,6 +121,8 @@ def find_bag(path: Path | str) -> Path:
     for ending in BAG_ENDINGS:
         own = path / f"{path.resolve().name}{ending}"
         bags = bags or ([own] if own.exists() else sorted(path.glob(f"*{ending}")))
+    if len(bags) != 1 and is_database(path):
+        return path
     if len(bags) != 1:
         what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
         raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")

@@ -31,7 +31,7 @@ MCAP: Final = b"\x89MCAP0\r\n"
 _KINDS: Final = {
     b"PK\x03\x04": "it is a Zip file; unpack it and use the bag in it",
     b"\x89MCAP": "it is an MCAP file of another version",
-    b"SQLite": "it is a database of ROS 2; `ros2 bag convert` makes an MCAP file of it",
+    b"SQLite": "it is a database; one of ROS 2 has a name that ends in .db3",
     b"#ROSBAG": "its bag version is not 2.0",
 }
 """Files that users confuse with bags, by their first bytes."""

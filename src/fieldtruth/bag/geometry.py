@@ -8,10 +8,10 @@ in CameraInfo.
 
 import struct
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,19 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.reader import Storage, decoder, open_bag
+from fieldtruth.bag.reader import Decoder, RawMessage, Storage, decoder, open_bag
 from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts, Mask
-from fieldtruth.experiment.sensor_config import BASE
+from fieldtruth.core.errors import UnknownNameError, nearest_first
+from fieldtruth.core.progress import Advance, timed
+from fieldtruth.core.transforms import wxyz_from_xyzw
+from fieldtruth.experiment.topic import BASE
+
+_MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
+_LISTED: Final = 20
+"""Models listed in an error message."""
 
 
 def read_objects(run: BagFile) -> tuple[tuple[str, ...], Array]:
@@ -34,7 +41,7 @@ def read_objects(run: BagFile) -> tuple[tuple[str, ...], Array]:
         BagError: the bag is damaged.
     """
     topic = objects_topic(run.counts)
-    if run.msgtypes.get(topic) != "gazebo_msgs/msg/ModelStates" or topic not in run.counts:
+    if run.msgtypes.get(topic) != _MODEL_STATES or topic not in run.counts:
         return (), np.zeros((0, 7))
     reader = ModelStatesReader()
     with open_bag(run.bag) as bag:
@@ -73,7 +80,7 @@ class ModelStatesReader:
         """
         self._count(data)
         if name not in self.names:
-            raise BagError(f"/gazebo/model_states has no model {name!r}; available: {', '.join(self.names[:20])}")
+            raise BagError(f"/gazebo/model_states has no model {name!r}; available: {', '.join(self.names[:_LISTED])}")
         return self.names.index(name)
 
     def _rows(self, data: bytes, skip: int, columns: int) -> Array:
@@ -98,10 +105,6 @@ class ModelStatesReader:
                 raise BagError("a message of /gazebo/model_states is damaged") from error
             self.names, self._head = tuple(names), data[:at]
         return len(self.names)
-
-
-Rows = tuple["array[int] | Counts", "array[float]"]
-"""Stamps [ns], and seven numbers for each; packed, because there may be 1000 per second."""
 
 
 @dataclass(frozen=True)
@@ -150,27 +153,100 @@ class Trajectory:
         return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
 
 
-def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:
-    """Read the true poses from odometry or, if that is missing, from the robot in /gazebo/model_states.
+class RecordedPoses(NamedTuple):
+    """True poses as a bag has them, and the stamps [ns] in the bag with which they were recorded."""
+
+    topic: str
+    trajectory: Trajectory
+    recorded_ns: Counts
+    frame: str
+    """Frame whose poses they are, as odometry states it; empty where nothing does."""
+
+
+def read_trajectory(run: BagFile, topic: str | None = None) -> Trajectory:
+    """Read the true poses of base_link; arguments and errors are those of ``read_poses``."""
+    return read_poses(run, topic).trajectory
+
+
+def read_poses(
+    run: BagFile,
+    topic: str | None = None,
+    *,
+    robot: str = ROBOT,
+    coarse: bool = False,
+    advance: Advance | None = None,
+) -> RecordedPoses:
+    """Read the poses in a topic of odometry, or of the robot in /gazebo/model_states, which may be spawned late.
 
     Stamps are those of the headers; ModelStates has no header, and where all headers have the stamp 0, that is said
-    with a warning, so the bag's stamps are used. Of several states with
-    one stamp of the bag, whose clock may be coarse, the first is taken; with ``coarse`` so are poses of odometry.
+    with a warning, so the bag's stamps are used.
+
+    Args:
+        run: the bag.
+        topic: by default that of ``pose_topic``.
+        robot: name of the model.
+        coarse: take the first of several poses of odometry with one stamp, as clocks with coarse ticks give it; of
+            model states it always is.
+        advance: called with the time [s] just read; then all messages of the bag are read, to find damage.
 
     Raises:
-        BagError: the bag has neither, or is damaged, or the stamps do not rise.
+        BagError: the bag has no such topic, or is damaged, a pose is invalid, poses are of several frames, or stamps
+            do not rise.
+        UnknownNameError: no such robot.
     """
-    if topic in run.counts and topic != table.MODEL_STATES:
-        stamps, rows = _from_odometry(run, topic)
-    elif table.MODEL_STATES in run.counts:
-        topic, coarse = table.MODEL_STATES, True
-        stamps, rows = _from_model_states(run)
-    else:
-        run.require(topic)
-    stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
-    _check_poses(stamps_ns, poses, f"{topic} of {run.bag}")
-    order = rising_rows(stamps_ns, topic, run.bag, coarse=coarse)
-    return Trajectory(stamps_ns[order], poses[order, :3], poses[order][:, [6, 3, 4, 5]])
+    topic = topic or pose_topic(run)
+    run.require(topic)
+    of_models = topic == table.MODEL_STATES
+    stamps, recorded, rows, frame = array("q"), array("q"), array("d"), ""
+    with open_bag(run.bag) as bag:
+        found = bag.messages([topic]) if advance is None else timed(bag.messages(), advance, run.start_ns)
+        messages = (raw for raw in found if raw.topic == topic)
+        for raw, pose in _robots(messages, robot) if of_models else _odometry(messages, decoder(bag)):
+            stamps.append(pose.stamp_ns)
+            recorded.append(raw.stamp_ns)
+            rows.extend(pose.values)
+            if frame not in ("", pose.frame):
+                raise BagError(f"{topic} must have poses of one frame, got {frame!r} and {pose.frame!r}")
+            frame = pose.frame
+        recorded_ns, values = np.frombuffer(recorded, np.int64), np.frombuffer(rows).reshape(-1, 7)
+        index = bag.index([topic])[topic]
+        stamps_ns = given_stamps(np.frombuffer(stamps, np.int64), recorded_ns, topic, run.bag)
+        refuse_second_pass(index.stamps_ns if of_models else stamps_ns, index, topic, run.bag)
+    _check_poses(stamps_ns, values, f"{topic} of {run.bag}")
+    order = rising_rows(stamps_ns, topic, run.bag, coarse=coarse or of_models)
+    trajectory = Trajectory(stamps_ns[order], values[order, :3], wxyz_from_xyzw(values[order, 3:]))
+    return RecordedPoses(topic, trajectory, recorded_ns[order], frame)
+
+
+class _Pose(NamedTuple):
+    """A recorded pose: stamp [ns], x, y, z [m] and quaternion (x, y, z, w) in the world, and its frame."""
+
+    stamp_ns: int
+    values: Sequence[float]
+    frame: str
+
+
+def _odometry(messages: Iterable[RawMessage], decode: Decoder) -> Iterator[tuple[RawMessage, _Pose]]:
+    for raw in messages:
+        message = decode(raw)
+        try:
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
+        except AttributeError as error:
+            raise BagError(f"{raw.topic} has a different definition of nav_msgs/Odometry: {error}") from error
+        yield raw, _Pose(stamp, (p.x, p.y, p.z, q.x, q.y, q.z, q.w), frame)
+
+
+def _robots(messages: Iterable[RawMessage], robot: str) -> Iterator[tuple[RawMessage, _Pose]]:
+    """Yield the poses of a model from its first message on."""
+    states, spawned = ModelStatesReader(), False
+    for raw in messages:
+        poses = states.poses(raw.data)
+        if spawned := spawned or robot in states.names:
+            yield raw, _Pose(raw.stamp_ns, poses[states.row(raw.data, robot)].tolist(), "")
+    if not spawned:
+        known = nearest_first(robot, states.names)[:_LISTED]
+        raise UnknownNameError(f"model in {table.MODEL_STATES}", robot, known)
 
 
 def _check_poses(stamps_ns: Counts, poses: Array, where: str) -> None:
@@ -185,31 +261,6 @@ def _check_poses(stamps_ns: Counts, poses: Array, where: str) -> None:
         )
 
 
-def _from_odometry(run: BagFile, topic: str) -> Rows:
-    stamps, recorded, rows = array("q"), array("q"), array("d")
-    with open_bag(run.bag) as bag:
-        decode = decoder(bag)
-        for raw in bag.messages([topic]):
-            message = decode(raw)
-            p, q = message.pose.pose.position, message.pose.pose.orientation
-            stamps.append(stamp_ns(message.header))
-            recorded.append(raw.stamp_ns)
-            rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
-        given = given_stamps(np.array(stamps, np.int64), np.array(recorded, np.int64), topic, run.bag)
-        refuse_second_pass(given, bag.index([topic])[topic], topic, run.bag)
-    return given, rows
-
-
-def _from_model_states(run: BagFile) -> Rows:
-    reader = ModelStatesReader()
-    stamps, rows = array("q"), array("d")
-    with open_bag(run.bag) as bag:
-        for raw in bag.messages([table.MODEL_STATES]):
-            stamps.append(raw.stamp_ns)
-            rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())
-    return stamps, rows
-
-
 def seconds(ns: int) -> str:
     """Format a time [ns] as seconds with nine decimals."""
     return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"
@@ -221,10 +272,11 @@ def pose_topic(run: BagFile) -> str:
     Raises:
         BagError: the bag has neither.
     """
-    if table.ODOMETRY not in run.counts and table.MODEL_STATES in run.counts:
-        return table.MODEL_STATES
-    run.require(table.ODOMETRY)
-    return table.ODOMETRY
+    found = next((topic for topic in (table.ODOMETRY, table.MODEL_STATES) if topic in run.counts), None)
+    if found is None:
+        instead = f"{table.ODOMETRY}, nor {table.MODEL_STATES} in its place"
+        raise BagError(f"{run.bag} has no {instead}; available: {', '.join(sorted(run.counts))}")
+    return found
 
 
 class Poses:

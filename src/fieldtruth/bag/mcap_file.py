@@ -9,11 +9,9 @@ read in groups, each of which is a chunk for all who read it.
 import os
 import re
 import struct
-import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
@@ -24,12 +22,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, ChunkIndex, Schema
-from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 from rosbags.typesys import TypesysError
 
 from fieldtruth.bag.file import MCAP, BagError, ChunkInfo, Row, StoredFile
-from fieldtruth.bag.ros2 import Ros2Type, converter_of, definition_of
-from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.bag.ros2 import Ros2Layout, Ros2Type, StoredTopic, connections_of
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX, _FOOTER = 0x03, 0x04, 0x05, 0x06, 0x07, 0x02
 _RECORD: Final = struct.Struct("<BQ")
@@ -43,19 +39,8 @@ _GROUP: Final = 2**22
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, IndexError, OverflowError)
 
 
-class Encoding(NamedTuple):
-    """How the messages of a channel are stored: the type of ROS 2, or None for ROS 1, whose bytes are as they are."""
-
-    topic: str
-    ros2: Ros2Type | None
-
-
-@dataclass(frozen=True)
-class McapLayout:
+class McapLayout(Ros2Layout):
     """Chunks of an MCAP file."""
-
-    encodings: Mapping[int, Encoding]
-    """By channel."""
 
     def unpack(self, path: Path, position: int) -> bytes:
         """Read and decompress the chunk, or the group of messages, at a position in a file."""
@@ -74,14 +59,6 @@ class McapLayout:
                 yield stamp, number, at + _HEAD.size, size - _HEAD.size
             at += size
 
-    def ros1(self, connection: int, data: bytes) -> bytes:
-        """Return a message as ROS 1 serialises it."""
-        topic, ros2 = self.encodings[connection]
-        try:
-            return data if ros2 is None else converter_of(ros2)(data)
-        except Exception as error:  # generated code raises any exception on invalid bytes
-            raise ValueError(f"a message of {topic} is damaged") from error
-
 
 class McapFile(StoredFile):
     """An open MCAP file."""
@@ -90,7 +67,9 @@ class McapFile(StoredFile):
         self._path, self._source = path, path.open("rb")
         try:
             found = _summary(self._source) or _scan(self._source)
-            self.connections, self.layout = _connections(path, found)
+            channels = (_stored_topic(number, found) for number in found.channels)
+            self.connections, encodings = connections_of(path, channels)
+            self.layout = McapLayout(encodings)
         except _DAMAGE as error:
             self.close()
             raise BagError(
@@ -260,36 +239,18 @@ def _group(source: BinaryIO, position: int) -> bytes:
     return b"".join(parts)
 
 
-def _connections(path: Path, found: _Found) -> tuple[list[Connection], McapLayout]:
-    """Return the channels with messages of ROS, and how these are stored.
+def _stored_topic(number: int, found: _Found) -> StoredTopic:
+    channel = found.channels[number]
+    qos = channel.metadata.get("offered_qos_profiles", "")
+    latching = _LATCHED.search(qos) is not None or channel.metadata.get("latching") == "1"
 
-    Raises:
-        BagError: there are messages, but none of ROS.
-    """
-    connections, encodings, others = list[Connection](), dict[int, Encoding](), list[str]()
-    for number, channel in found.channels.items():
-        if not (count := found.counts.get(number, 0)):
-            continue
+    def described() -> tuple[Ros2Type, bool, str]:
         schema = found.schemas.get(channel.schema_id)
-        try:
-            if schema is None or channel.message_encoding not in ("cdr", "ros1"):
-                raise TypesysError(f"messages are encoded as {channel.message_encoding or 'unknown'}")
-            name = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/", 1)
-            text = schema.data.decode()
-            ros2 = Ros2Type(name, text, "idl" in schema.encoding) if channel.message_encoding == "cdr" else None
-            definition, digest = definition_of(ros2) if ros2 else (text, channel.metadata.get("md5sum", ""))
-        except (TypesysError, KeyError, UnicodeDecodeError) as error:
-            others.append(f"{channel.topic} ({error})")
-            continue
-        latching = _LATCHED.search(channel.metadata.get("offered_qos_profiles", "")) is not None
-        latching = latching or channel.metadata.get("latching") == "1"
-        extra = ConnectionExtRosbag1(channel.metadata.get("callerid"), int(latching))
-        msgdef = MessageDefinition(MessageDefinitionFormat.MSG, definition)
-        connections.append(Connection(number, channel.topic, name, msgdef, digest, count, extra, None))
-        encodings[number] = Encoding(channel.topic, ros2)
-    if others:
-        text = f"{path} has messages that are not of ROS, or of unknown types: {', '.join(others)}"
-        if not connections:
-            raise BagError(text)
-        warnings.warn(f"{text}; they are left out", FieldtruthWarning, stacklevel=2)
-    return connections, McapLayout(encodings)
+        if schema is None or channel.message_encoding not in ("cdr", "ros1"):
+            raise TypesysError(f"messages are encoded as {channel.message_encoding or 'unknown'}")
+        name = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/", 1)
+        kind = Ros2Type(name, schema.data.decode(), "idl" in schema.encoding)
+        return kind, channel.message_encoding == "cdr", channel.metadata.get("md5sum", "")
+
+    count = found.counts.get(number, 0)
+    return StoredTopic(number, channel.topic, count, latching, channel.metadata.get("callerid"), described)

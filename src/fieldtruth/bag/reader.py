@@ -3,8 +3,8 @@
 """Read a bag as a stream, or its messages in any order.
 
 A stream has the list of chunks in memory and one chunk at a time, however long the bag is. ``Storage`` reads messages
-by position from any process and thread; no file stays open between two reads. A bag is a file of ROS 1 or an MCAP file;
-messages of ROS 2 are handed out as ROS 1 serialises them.
+by position from any process and thread; no file stays open between two reads. A bag is a file of ROS 1, an MCAP file,
+or one of ROS 2 (.db3, or a folder with metadata.yaml); messages of ROS 2 are handed out as ROS 1 serialises them.
 """
 
 import os
@@ -24,6 +24,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.file import MCAP, BagError, Layout, Ros1File, StoredFile, first_bytes, read_errors
+from fieldtruth.bag.ros2 import DatabaseFile, is_database
 from fieldtruth.bag.topics import ODOMETRY, standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
@@ -177,12 +178,15 @@ def open_bag(path: Path | str, *, own_names: bool = False, true_stamps: Collecti
         true_stamps: topics whose headers are read with the stamps in the bag, as ``Run.clocked`` has them.
 
     Raises:
-        BagError: no such file, not a bag or MCAP file, a truncated one, or one with a damaged index.
+        BagError: no such file, not a bag, a truncated one, or one with a damaged index.
     """
     path = Path(path)
-    is_mcap = first_bytes(path).startswith(MCAP)
+    file: StoredFile
     with read_errors(path):
-        file = _mcap_file(path) if is_mcap else Ros1File(path)
+        if is_database(path):
+            file = DatabaseFile(path)
+        else:
+            file = _mcap_file(path) if first_bytes(path).startswith(MCAP) else Ros1File(path)
     try:
         with read_errors(path):
             bag = BagReader(path, file, own_names=own_names, true_stamps=true_stamps)

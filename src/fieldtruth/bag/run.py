@@ -7,7 +7,7 @@ no message, so that runs may be pickled, forked and read by threads.
 """
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -36,12 +36,11 @@ from fieldtruth.bag.geometry import (
 from fieldtruth.bag.reader import Storage, decoder, open_bag
 from fieldtruth.bag.readings import Readings, Stream, read_streams, warn_of_intensity
 from fieldtruth.bag.topics import Source, sources_of
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Cloud, Frame, Message, Reading
-from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 _TOLERANCE: Final = 0.2
 """Relative difference of a rate from which on it is another."""
@@ -54,10 +53,59 @@ def measured_rig(run: BagFile) -> Rig:
 
     What cannot be measured, because a message is missing or odd, stays as in the paper.
     """
-    rig = paper_rig(stereo=StereoConfig(depth=True, instances=True))  # that of PAPER_TOPICS
-    first = _first_messages(run, [topic.name for sensor in rig.sensors for topic in sensor.topics()])
-    sensors = tuple(_measured(sensor, run, first) for sensor in rig.sensors)
-    return rig.model_copy(update={"sensors": sensors})
+    rig, found = table.PAPER_RIG, dict[str, tuple[Any, float | None]]()
+    names = [topic.name for sensor in rig.sensors for topic in sensor.topics() if topic.name in run.counts]
+    with open_bag(run.bag) as bag, suppress(BagError):
+        decode, indices = decoder(bag), bag.index(names)
+        for name, index in indices.items():
+            with suppress(BagError, AttributeError, IndexError):
+                ends = [bag.message(bag.chunk(int(index.chunk[k])), int(index.offset[k])) for k in (0, -1)]
+                found[name] = _first_and_rate([decode(raw) for raw in ends], index.stamps_ns)
+    return rig.model_copy(update={"sensors": tuple(_measured(sensor, found) for sensor in rig.sensors)})
+
+
+def _first_and_rate(ends: Sequence[Any], stamps_ns: Counts) -> tuple[Any, float | None]:
+    """Return the first message of a topic, and its rate [Hz] between the first and the last header or stamp."""
+    has_header = hasattr(ends[0], "header")
+    first, last = (stamp_ns(each.header) for each in ends) if has_header else stamps_ns[[0, -1]].tolist()
+    count = len(stamps_ns)
+    return ends[0], float(f"{(count - 1) / ((last - first) / 1e9):.3g}") if count > 2 and last > first else None
+
+
+def _measured(sensor: SensorConfig, found: Mapping[str, tuple[Any, float | None]]) -> SensorConfig:
+    names = [topic.name for topic in sensor.topics() if topic.name in found]
+    if not names:
+        return sensor
+    values: dict[str, Any] = {"rate_hz": found[sensor.topic if sensor.topic in names else names[0]][1]}
+    message = found[names[0]][0]
+    with suppress(FieldtruthError, AttributeError, ValueError, TypeError, KeyError, IndexError):
+        values |= _sizes(message)
+        if {topic.name for topic in sensor.topics()} == {names[0]}:
+            values["frame"] = message.header.frame_id
+    known = {key: value for key, value in values.items() if value and key in type(sensor).model_fields}
+    return sensor.model_copy(update=known)
+
+
+def _sizes(message: Any) -> dict[str, int]:
+    """Width and height of an image or a CameraInfo; rings and columns of a cloud, as far as its points have them."""
+    if not hasattr(message, "fields"):
+        return {key: int(getattr(message, key, 0)) for key in ("width", "height")}
+    rows = points(message)
+    values = {"rings": int(message.height), "columns": int(message.width)} if message.height > 1 else {}
+    present = [field for field in ("ring", "column") if field in (rows.dtype.names or ()) and len(rows)]
+    return values | {f"{field}s": int(rows[field].max()) + 1 for field in present}
+
+
+def unlike(source: Source, message: Any) -> str:
+    """Say in what a message of a sensor differs from its configuration: frame, size of images, rays of clouds."""
+    frame = str(message.header.frame_id).strip("/") if hasattr(message, "header") else ""
+    found = [f"the frame {frame!r}, not {source.frame!r}"] if source.frame and frame not in ("", source.frame) else []
+    for key, value in _sizes(message).items():
+        own = getattr(source.config, key, None)
+        # The uppermost rings may see the sky only, so that no point has their number.
+        if own and value and (value > own if key in ("rings", "columns") else value != own):
+            found.append(f"{value} {key}, not {own}")
+    return " and ".join(found)
 
 
 def misfits(run: BagFile) -> list[str]:
@@ -83,59 +131,6 @@ def _rate(run: BagFile, topic: str) -> float | None:
     """Mean rate [Hz] of a topic; None of fewer than three messages."""
     count = run.counts.get(topic, 0)
     return (count - 1) / run.duration_s if count > 2 and run.duration_s > 0.0 else None
-
-
-def _measured_rate(run: BagFile, topic: str) -> float | None:
-    """Rate [Hz] between the first and the last stamp of a topic, those of headers if it has; three digits."""
-    if run.counts.get(topic, 0) < 3:
-        return None
-    with open_bag(run.bag) as bag, suppress(BagError, AttributeError):
-        index, decode = bag.index([topic])[topic], decoder(bag)
-        ends = [bag.message(bag.chunk(int(index.chunk[k])), int(index.offset[k])) for k in (0, -1)]
-        first, last = (stamp_ns(m.header) if hasattr(m := decode(raw), "header") else raw.stamp_ns for raw in ends)
-        return float(f"{(len(index.stamps_ns) - 1) / ((last - first) / 1e9):.3g}") if last > first else None
-    return None
-
-
-def _measured(sensor: SensorConfig, run: BagFile, first: Mapping[str, Any]) -> SensorConfig:
-    message = next((first[t.name] for t in sensor.topics() if t.name in first), None)
-    names = [topic.name for topic in sensor.topics()]
-    main = sensor.topic if sensor.topic in names else next((name for name in names if name in first), sensor.topic)
-    values: dict[str, Any] = {}
-    if rate := _measured_rate(run, main):
-        values["rate_hz"] = rate
-    with suppress(FieldtruthError, AttributeError, ValueError, TypeError, KeyError, IndexError):
-        values |= _sizes(sensor, message)
-    return sensor.model_copy(update=values)
-
-
-def _sizes(sensor: SensorConfig, message: Any) -> dict[str, Any]:
-    """Size of a camera's images by its CameraInfo, rays and frame of a LiDAR by a cloud."""
-    if isinstance(sensor, CameraConfig) and message is not None:
-        return {"width": int(message.width), "height": int(message.height)} if message.width > 0 else {}
-    if not isinstance(sensor, LidarConfig) or message is None:
-        return {}
-    values: dict[str, Any] = {"frame": str(message.header.frame_id)} if message.header.frame_id else {}
-    rows = points(message)
-    names = rows.dtype.names or ()
-    if message.height > 1:
-        values |= {"rings": int(message.height), "columns": int(message.width)}
-    for key, field in (("rings", "ring"), ("columns", "column")):
-        if field in names and len(rows):
-            values[key] = int(rows[field].max()) + 1
-    return values
-
-
-def _first_messages(run: BagFile, topics: Iterable[str]) -> dict[str, Any]:
-    """Return the first message of topics that can be decoded, by topic."""
-    found = {}
-    with open_bag(run.bag) as bag:
-        decode = decoder(bag)
-        for topic in topics:
-            if topic in run.counts:
-                with suppress(BagError):
-                    found[topic] = decode(next(bag.messages([topic])))
-    return found
 
 
 ASSUMED: Final = (
@@ -244,10 +239,20 @@ class Run(BagFile):
         self.require(*topics)
         streams = self.streams(topics)
         found = Readings(source, parts, [streams[topic] for topic in topics], self.storage, labelled=labelled)
-        if labelled and source.type is Cloud and source.name not in self._said:
-            self._said.add(source.name)
-            warn_of_intensity(found.message(0), source.topic, self.bag)
+        if len(found) and (source.name, labelled) not in self._said:
+            self._said.add((source.name, labelled))
+            with suppress(BagError):  # a reading that cannot be understood says so when it is read
+                self._say(found, labelled=labelled)
         return found
+
+    def _say(self, found: Readings, *, labelled: bool) -> None:
+        """Warn of classes that are read from the intensity, and of a sensor that its configuration does not fit."""
+        source, message = found.source, found.message(0)
+        if labelled and source.type is Cloud:
+            warn_of_intensity(message, source.topic, self.bag)
+        if self.experiment is not None and (text := unlike(source, message)):
+            name = f"{self.bag}: {source.topics[found.parts[0]]} has {text} as in experiment.yaml; the bag counts"
+            warnings.warn(name, FieldtruthWarning, stacklevel=5)
 
     def messages(self, topic: str) -> Readings:
         """Return the messages of any topic as readings; raises as ``readings``."""
@@ -296,8 +301,8 @@ class Run(BagFile):
         return {}
 
     @cached_property
-    def _said(self) -> set[str]:
-        """Sensors of which a warning was given."""
+    def _said(self) -> set[tuple[str, bool]]:
+        """Sensors of which warnings were given, and whether with those of labels."""
         return set()
 
 

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import MCAP, BagError, first_bytes
-from fieldtruth.bag.geometry import StaticFrames, Trajectory, first_message, read_trajectory, seconds
+from fieldtruth.bag.geometry import StaticFrames, Trajectory, read_poses, seconds
 from fieldtruth.bag.messages import rig_transforms
-from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
+from fieldtruth.bag.ros2 import is_database
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
@@ -106,8 +106,6 @@ def read_track_file(config: DriveConfig) -> TrackFile:
         UnknownNameError: a bag has no such topic.
     """
     path = Path(config.track)
-    if is_ros2_bag(path):
-        return _from_ros2_bag(path, config)
     if _is_bag(path):
         return _from_bag(path, config)
     if config.topic is not None:
@@ -135,25 +133,22 @@ def _is_bag(path: Path) -> bool:
         TrackError: neither a folder nor a readable file.
     """
     try:
-        return path.is_dir() or first_bytes(path).startswith((b"#ROSBAG", MCAP))
+        return is_database(path) or path.is_dir() or first_bytes(path).startswith((b"#ROSBAG", MCAP))
     except BagError as error:
         raise TrackError(str(error).replace("cannot read ", "cannot read the track file ", 1)) from error
 
 
-def _from_ros2_bag(path: Path, config: DriveConfig) -> TrackFile:
-    topic = _topic(path, odometry_topics(path), config.topic)
-    trajectory, frame = read_ros2_odometry(path, topic)
-    return _from_topic(path.name, trajectory, config.pose_of or frame or BASE, topic)
-
-
 def _from_bag(path: Path, config: DriveConfig) -> TrackFile:
     run = open_run(path)
-    odometry = sorted(name for name, msgtype in run.msgtypes.items() if msgtype == ODOMETRY)
-    if config.topic is None and table.ODOMETRY not in odometry and table.MODEL_STATES in run.counts:
-        return _from_topic(run.bag.name, read_trajectory(run, coarse=True), config.pose_of or BASE, table.MODEL_STATES)
-    topic = _topic(run.bag, odometry, config.topic)
-    frame = config.pose_of or first_message(run, topic).child_frame_id.strip("/") or BASE
-    return _from_topic(run.bag.name, read_trajectory(run, topic, coarse=True), frame, topic)
+    odometry = sorted(name for name, msgtype in run.msgtypes.items() if msgtype == "nav_msgs/msg/Odometry")
+    topic = table.MODEL_STATES
+    if config.topic is not None or table.ODOMETRY in odometry or topic not in run.counts:
+        topic = _topic(run.bag, odometry, config.topic)
+    found = read_poses(run, topic, coarse=True)
+    poses = found.trajectory
+    values = np.concatenate([poses.position, transforms.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
+    frame = config.pose_of or found.frame or BASE
+    return _checked(run.bag.name, frame, poses.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
 
 
 def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
@@ -162,14 +157,8 @@ def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
         raise UnknownNameError(f"topic of type nav_msgs/Odometry in {bag}:", asked, odometry)
     if asked is None and table.ODOMETRY not in odometry:
         others = f"; set drive.topic to one of {', '.join(odometry)}" if odometry else ""
-        raise TrackError(f"{bag} has neither {table.ODOMETRY} nor, as a bag of ROS 1, {table.MODEL_STATES}{others}")
+        raise TrackError(f"{bag} has neither {table.ODOMETRY} nor {table.MODEL_STATES}{others}")
     return asked or table.ODOMETRY
-
-
-def _from_topic(name: str, poses: Trajectory, frame: str, topic: str) -> TrackFile:
-    """Check the poses of a topic."""
-    values = np.concatenate([poses.position, transforms.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
-    return _checked(name, frame, poses.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
 
 
 def _tum_rows(path: Path, source: Iterable[str]) -> Iterator[tuple[int, int, list[float]]]:

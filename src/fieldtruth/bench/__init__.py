@@ -2,6 +2,110 @@
 # SPDX-License-Identifier: Apache-2.0
 """The speed of this machine: each sensor against bare Embree on the same rays, recording, and memory."""
 
-from fieldtruth.bench.measure import UNITS, Settings, measure, settings_of, table
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
 
-__all__ = ["UNITS", "Settings", "measure", "settings_of", "table"]
+from fieldtruth.bench.sensors import measure_cameras, measure_lidars, recording, stretches_of
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.drive.plan import experiments_in
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import with_overrides
+from fieldtruth.simulation.stepped import Simulation
+from fieldtruth.world.environments import ENVIRONMENTS
+
+UNITS: Final = {
+    "lidar_mrays_per_s": "Mrays/s",
+    "lidar_bare_mrays_per_s": "Mrays/s",
+    "lidar_over_bare": "x",
+    "camera_bare_mrays_per_s": "Mrays/s",
+    "label_image_over_bare": "x",
+    "photograph_over_bare": "x",
+    "normals_over_bare": "x",
+    "flow_over_bare": "x",
+    "images_per_s": "images/s",
+    "stereo_pairs_per_s": "pairs/s",
+    "image_efficiency": "x",
+    "peak_rss_mb": "MB",
+}
+"""Figures and their units; docs/benchmarks.md explains them."""
+DRIVE_S: Final = 60.0
+"""Simulated time [s] of the drive, along which the views are."""
+_SCANS: Final = 10  # of each LiDAR in each stretch: they are short, so that a single interruption matters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What is measured, and how often."""
+
+    experiment: Experiment
+    views: int = 12
+    """Stamps at which each camera is measured, or a few more: as many in each of some stretches of the drive."""
+
+
+def settings_of(environment: str) -> Settings:
+    """Return settings for an environment: its first built-in experiment.
+
+    Raises:
+        UnknownNameError: the environment does not exist.
+        ConfigurationError: it has no built-in experiment.
+    """
+    ENVIRONMENTS.find(environment)
+    experiments = experiments_in(environment)
+    if not experiments:
+        raise ConfigurationError(f"cannot measure {environment}: it has no built-in experiment")
+    return Settings(experiment=experiments[0])
+
+
+def measure(settings: Settings, progress: Progress | None = None) -> dict[str, float]:
+    """Measure the figures of ``UNITS`` that the rig has; without peak memory on Windows.
+
+    With world, light and kernels in the cache it takes about a minute. Figures are sums over the sensors of a kind.
+    """
+    progress, workers = progress or Silent(), cpu_count()
+    made = settings.experiment
+    simulation = Simulation(with_overrides(made, seconds=min(made.seconds or DRIVE_S, DRIVE_S)))
+    with progress.stage("build the world"):
+        scene = simulation.scene
+    with progress.stage("drive"):
+        driven = simulation.drive()
+    with progress.stage("bake the light"):
+        baked, track = driven.sensor_world.baked, driven.track
+    rig = made.rig.model_copy(update={"sensors": tuple(map(_often, (*made.rig.cameras, *made.rig.lidars)))})
+    stretches = stretches_of(track.duration_s, settings.views, workers)
+    with progress.stage("LiDAR"):
+        found = measure_lidars(scene, track, rig, stretches._replace(views=_SCANS), workers)
+    if not rig.cameras:
+        return found | peak_memory()
+    alone = rig.model_copy(update={"sensors": rig.cameras})
+    with progress.stage("cameras"), recording(baked, track, alone, stretches, workers) as slices:
+        peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
+        found |= measure_cameras(baked, track, rig, stretches, slices, workers)
+    return found | peak
+
+
+def _often(config: Any) -> Any:
+    """Return a sensor that reads in each second."""
+    return config.model_copy(update={"rate_hz": max(1.0, config.rate_hz)})
+
+
+def peak_memory() -> dict[str, float]:
+    """Peak memory [10^6 bytes] of this process so far, as ``peak_rss_mb``; empty on Windows."""
+    try:
+        import resource
+    except ImportError:
+        return {}
+    unit = 1e6 if sys.platform == "darwin" else 1e6 / 1024  # bytes on macOS, else kilobytes (getrusage(2))
+    return {"peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit}
+
+
+def table(figures: Mapping[str, float], units: Mapping[str, str] = UNITS) -> str:
+    """Figures as lines of text: name, value, unit."""
+    lines = [f"{'figure':<28}{'value':>9}  unit"]
+    for key, value in figures.items():
+        shown = f"{value:.0f}" if value >= 1000 else f"{value:#.3g}"
+        lines.append(f"{key:<28}{shown:>9}  {units[key]}")
+    return "\n".join(lines)

@@ -29,8 +29,7 @@ from fieldtruth.core.cache import SEAL_SIZE, cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import output_errors, remove
-from fieldtruth.core.memory import check_memory
-from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.parallel import check_memory, cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig

@@ -14,7 +14,7 @@ from fieldtruth.campaign.estimate import check_resources, estimate, free_bytes
 from fieldtruth.campaign.files import check_campaign, check_folder, load_campaign, write_campaign
 from fieldtruth.campaign.jobs import STOPPING, Generate, Outcome, make_runs, run_one
 from fieldtruth.campaign.state import Failure, Kind, Manifest, State, clock, counts, size, state_of, time_left_s
-from fieldtruth.core.outputs import output_folder
+from fieldtruth.core.files import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.record.folder import new_folder

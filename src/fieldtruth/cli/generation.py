@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
+from fieldtruth.core.files import output_folder, output_path
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.progress import show_progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -62,7 +64,6 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
-    from fieldtruth.core.outputs import output_folder
     from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
@@ -163,7 +164,6 @@ def _generate_one(options: argparse.Namespace) -> None:
     experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.pipeline import generate_by
 
     with _engine(options) as engine, show_progress() as progress:
@@ -190,7 +190,6 @@ def _print_bag(bag: Path, start: float) -> None:
 
 
 def _degrade(options: argparse.Namespace) -> None:
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.degradation import degrade
     from fieldtruth.experiment.files import read_signal
 
@@ -225,7 +224,7 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.core.registry import user_folders
     from fieldtruth.experiment.catalogue import TITLES, list_experiments, list_models, list_robots
-    from fieldtruth.ontology.label_map import LABEL_MAPS
+    from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
     def kinds() -> dict[str, str]:
@@ -262,7 +261,6 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.core.outputs import output_path
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 
@@ -270,7 +268,6 @@ def _preview(options: argparse.Namespace) -> None:
     path = f"{options.environment}_{options.seed}_preview.png" if options.out is None else options.out
     path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
 
     width = WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH
@@ -281,8 +278,6 @@ def _preview(options: argparse.Namespace) -> None:
 
 
 def _shares(options: argparse.Namespace) -> None:
-    import json
-
     from fieldtruth.experiment.catalogue import experiment_names
     from fieldtruth.experiment.files import with_overrides
 
@@ -290,7 +285,6 @@ def _shares(options: argparse.Namespace) -> None:
         raise UsageError(f"give experiments, or all. Available: {', '.join(experiment_names())}")
     names = experiment_names() if options.experiments == ["all"] else options.experiments
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.shares import shares_of, shares_table
 
     with show_progress() as progress:
@@ -300,10 +294,7 @@ def _shares(options: argparse.Namespace) -> None:
 
 
 def _bench(options: argparse.Namespace) -> None:
-    import json
-
     from fieldtruth.bench import measure, settings_of, table
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.world.environments import ENVIRONMENTS
 
     names = list(ENVIRONMENTS) if options.environment == "all" else [options.environment]
@@ -325,34 +316,7 @@ def _bench(options: argparse.Namespace) -> None:
 
 def add_commands(command: AddCommand) -> None:
     """Add the sub-commands."""
-    generate = command("generate", _generate, "Simulate an experiment and write the bag.", EXAMPLES)
-    generate.add_argument(
-        "experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, all, or a YAML file, also of a campaign"
-    )
-    generate.add_argument("--out", metavar="DIR", help="folder for data sets (data), or of the campaign (data/NAME)")
-    generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
-    generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
-    add_workers(generate, "the bag")
-    generate.set_defaults(workers=None)  # all cores, shared by the jobs of a campaign
-    generate.add_argument(
-        "--scheduler", metavar="ADDRESS", help="make it on a Dask cluster: tcp://host:8786, or a scheduler file"
-    )
-    generate.add_argument("--local-cluster", metavar="N", type=count, help="make it in N processes of this machine")
-    generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
-    generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
-    generate.add_argument(
-        "--extras",
-        metavar="LIST",
-        type=words,
-        help="more images of each camera, separated by commas: depth, instances, normals, flow",
-    )
-    generate.add_argument(
-        "--signal", metavar="SIGNAL", help="ideal, datasheet, robot or FILE: readings as of real sensors"
-    )
-    generate.add_argument("--light", metavar="NAME", help="preset of the light, such as overcast; see docs/light.md")
-    generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
-    _add_campaign_arguments(generate)
-
+    _add_generate(command("generate", _generate, "Simulate an experiment and write the bag.", EXAMPLES))
     degrade = command("degrade", _degrade, "Add to a finished run what real sensors add: the bag of generate --signal.")
     degrade.add_argument("run_path", metavar="RUN", type=Path, help="folder of a run, or its bag")
     degrade.add_argument("--signal", metavar="SIGNAL", default="datasheet", help="datasheet (default) or a YAML FILE")
@@ -380,6 +344,35 @@ def add_commands(command: AddCommand) -> None:
     )
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")
     _add_status(command("status", _status, "Show which runs of a campaign are done."))
+
+
+def _add_generate(generate: Parser) -> None:
+    generate.add_argument(
+        "experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, all, or a YAML file, also of a campaign"
+    )
+    generate.add_argument("--out", metavar="DIR", help="folder for data sets (data), or of the campaign (data/NAME)")
+    generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
+    generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
+    add_workers(generate, "the bag")
+    generate.set_defaults(workers=None)  # all cores, shared by the jobs of a campaign
+    generate.add_argument(
+        "--scheduler", metavar="ADDRESS", help="make it on a Dask cluster: tcp://host:8786, or a scheduler file"
+    )
+    generate.add_argument("--local-cluster", metavar="N", type=count, help="make it in N processes of this machine")
+    generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
+    generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
+    generate.add_argument(
+        "--extras",
+        metavar="LIST",
+        type=words,
+        help="more images of each camera, separated by commas: depth, instances, normals, flow",
+    )
+    generate.add_argument(
+        "--signal", metavar="SIGNAL", help="ideal, datasheet, robot or FILE: readings as of real sensors"
+    )
+    generate.add_argument("--light", metavar="NAME", help="preset of the light, such as overcast; see docs/light.md")
+    generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
+    _add_campaign_arguments(generate)
 
 
 def _add_preview(preview: Parser) -> None:

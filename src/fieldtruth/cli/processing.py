@@ -10,6 +10,7 @@ from typing import Final
 from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
 from fieldtruth.cli.generation import warn_of_missing
 from fieldtruth.cli.terminal import print_output
+from fieldtruth.core.progress import show_progress
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
@@ -18,7 +19,6 @@ RUN: Final = "folder of a run, or a bag file"
 
 
 def _export(options: argparse.Namespace) -> None:
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.exporters import FORMATS, export
 
     if options.to in FORMATS and FORMATS[options.to].publishes:
@@ -42,10 +42,8 @@ def _export(options: argparse.Namespace) -> None:
 
 def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.rig import Rig
-    from fieldtruth.sensors.lidar.config import LidarConfig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.environment:
@@ -53,7 +51,7 @@ def _annotate(options: argparse.Namespace) -> None:
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.lidar:
-        rig = rig.with_sensors(LidarConfig, enabled=False)
+        rig = rig.switched(lidar=False)
     world = (
         WorldConfig(options.environment)
         if like is None
@@ -77,7 +75,6 @@ def _annotate(options: argparse.Namespace) -> None:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.validation import as_json, as_text
     from fieldtruth.validation.runner import validate
 
@@ -95,7 +92,6 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> None:
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.page import write_report
 
     with show_progress() as progress:
@@ -104,7 +100,6 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> None:
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.viewer import view
 
     with show_progress() as progress:

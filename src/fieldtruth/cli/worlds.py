@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.files import output_path
+from fieldtruth.core.progress import show_progress
 
 if TYPE_CHECKING:
     from fieldtruth.core.cache_folder import Entry
@@ -63,7 +65,6 @@ def _scene(options: argparse.Namespace) -> None:
     out = check_scene_output(
         f"{options.environment}_{options.seed}", options.out, to=options.to, overwrite=options.overwrite
     )
-    from fieldtruth.core.progress import show_progress
 
     with show_progress() as progress:
         with progress.stage("world"):
@@ -77,7 +78,6 @@ def _gazebo(options: argparse.Namespace) -> None:
     from fieldtruth.world.environments import ENVIRONMENTS
 
     ENVIRONMENTS.find(options.environment)
-    from fieldtruth.core.progress import show_progress
     from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 
     check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
@@ -123,7 +123,6 @@ def _rig(options: argparse.Namespace) -> None:
     if options.preview:
         _draw(options)
         return
-    from fieldtruth.core.outputs import output_path
     from fieldtruth.experiment.files import load_experiment
 
     out = options.out
@@ -144,7 +143,6 @@ def _rig(options: argparse.Namespace) -> None:
 
 
 def _draw(options: argparse.Namespace) -> None:
-    from fieldtruth.core.outputs import output_path
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, write_image
 

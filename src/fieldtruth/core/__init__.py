@@ -4,4 +4,4 @@
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["frames", "geodesy", "transforms"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["geodesy", "transforms"])

@@ -1,16 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Number of usable cores, and work on a stream with several threads while only a few of its items are in memory."""
+"""Cores and memory that a process may use, and work on a stream with threads while few of its items are in memory."""
 
+import contextlib
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import Final, TypeVar
+
+from fieldtruth.core.errors import OutputError
 
 T = TypeVar("T")
 R = TypeVar("R")
-
 _AHEAD: Final = 4
 """Items per worker that are in memory at once."""
 
@@ -34,3 +37,31 @@ def in_order(items: Iterable[T], work: Callable[[T], R], workers: int) -> Iterat
         finally:
             for future in waiting:
                 future.cancel()
+
+
+_SYSTEM: Final = Path("/proc/meminfo")
+_LIMIT, _USED = Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
+
+
+def available_memory() -> int | None:
+    """Memory [byte] that the system, or the container's limit, still grants; None where neither can be read."""
+    found = []
+    with contextlib.suppress(OSError, KeyError, ValueError):
+        lines = dict(line.split(":", 1) for line in _SYSTEM.read_text().splitlines())
+        found.append(int(lines["MemAvailable"].split()[0]) * 1024)
+    with contextlib.suppress(OSError, ValueError):  # "max": no limit
+        found.append(int(_LIMIT.read_text()) - int(_USED.read_text()))
+    return min(found, default=None)
+
+
+def check_memory(needed: int, task: str, remedy: str) -> None:
+    """Check that about ``needed`` bytes of memory are available for a task.
+
+    Raises:
+        OutputError: both figures and what can be done instead.
+    """
+    available = available_memory()
+    if available is not None and needed > available:
+        raise OutputError(
+            f"{task} needs about {needed / 1e9:.1f} GB of memory, but {available / 1e9:.1f} GB are available; {remedy}"
+        )

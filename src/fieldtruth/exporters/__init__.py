@@ -16,14 +16,13 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
-from fieldtruth.core.files import locked, output_errors, remove, replace_synced
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import locked, output_errors, output_path, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.exporters.frames import Member, find_members
-from fieldtruth.ontology.label_map import OWN, LabelMap, label_map_of
+from fieldtruth.ontology import OWN, LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
 
 T = TypeVar("T")
@@ -43,13 +42,13 @@ class Format(NamedTuple):
     """Added to the run's name for the default output path."""
     description: str
     relabels: bool = False
-    """Whether it has labels, which can be mapped to another ontology."""
+    """True: it has labels, which can be mapped to another ontology."""
     moves: bool = False
-    """Whether it is read as a motion, so that it refuses separate frames."""
+    """True: it is read as a motion, and refuses separate frames."""
     joins: bool = False
-    """Whether several runs can become one output, a sequence each."""
+    """True: several runs can become one output, a sequence each."""
     publishes: bool = False
-    """Whether the output is a data set of any number of runs, in splits."""
+    """True: the output is a data set of any number of runs, in splits."""
     library: str = ""
     """The library that the extra of the format's name installs, if it needs one."""
 
@@ -115,7 +114,7 @@ FORMATS: Final[Registry[Format]] = Registry(
 
 
 class Options(NamedTuple):
-    """What every ``write`` takes beside the runs and the target."""
+    """Arguments of every ``write`` beside the runs and the target."""
 
     label_map: LabelMap | None
     """Labels to write; None keeps fieldtruth's classes."""
@@ -126,7 +125,7 @@ class Options(NamedTuple):
     shard_bytes: int = DEFAULT_SHARD_MB * 10**6
     """Size of a file that holds many frames; it is smaller than this, unless one frame is larger."""
     boxes: bool = False
-    """Whether annotations have boxes of whole objects, for which the world is built again."""
+    """True: annotations have boxes of whole objects, for which the world is built again."""
     voxel_m: float = DEFAULT_VOXEL_M
     """Edge length [m] of the voxels of a format that has voxels."""
 
@@ -177,8 +176,7 @@ def export(
         OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
     if not FORMATS.find(to).publishes and (split is not None or shard_mb is not None):
-        able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
-        raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {able}")
+        raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {_able('publishes')}")
     for key, given, only in (("boxes", boxes, "coco"), ("voxel_m", voxel_m is not None, "occupancy")):
         if given and to != only:
             raise OutputError(f"format {to!r} has no {key}; the format that has: {only}")
@@ -248,6 +246,11 @@ def _default_output(to: str, path: Path, run: Run) -> Path:
     return run.folder / (run.name + FORMATS[to].suffix)
 
 
+def _able(key: str) -> str:
+    """Return the names of the formats whose row is true in a column."""
+    return ", ".join(name for name, row in FORMATS.items() if getattr(row, key))
+
+
 def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
     try:
         write: Callable[[Sequence[Run], Path, Options], None]
@@ -264,18 +267,17 @@ def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
 def _label_map_for(to: str, name: str) -> LabelMap:
     found = label_map_of(name)
     if not FORMATS[to].relabels:
-        able = ", ".join(name for name, row in FORMATS.items() if row.relabels)
-        raise OutputError(f"format {to!r} has no labels to map; formats with labels: {able}")
+        raise OutputError(f"format {to!r} has no labels to map; formats with labels: {_able('relabels')}")
     return found
 
 
 def _runs_for(to: str, paths: Sequence[Path | str]) -> list[Run]:
     if len(paths) > 1 and not FORMATS[to].joins:
-        able = ", ".join(name for name, row in FORMATS.items() if row.joins)
+        able = _able("joins")
         raise OutputError(f"format {to!r} takes one run, got {len(paths)}; formats that join several: {able}")
     runs = [open_run(path) for path in paths]
     if FORMATS[to].moves and (still := next((run for run in runs if run.is_frames), None)):
-        able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
+        able = _able("publishes")
         raise OutputError(
             f"{still.bag} has separate frames, and format {to!r} is a motion; data sets of frames: {able}"
         )

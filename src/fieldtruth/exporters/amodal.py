@@ -14,11 +14,12 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import pinhole, ray_table
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Instance, World
@@ -54,7 +55,7 @@ def world_of_run(run: Run) -> World:
 class WholeObjects:
     """The objects of a world in the images of a camera. Use one per thread: it owns its buffers."""
 
-    def __init__(self, world: World, config: CameraConfig) -> None:
+    def __init__(self, world: World, config: ImagingConfig) -> None:
         self.world, self.objects = world, named_objects(world)
         self._config, self._lens, self._table = config, pinhole(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()

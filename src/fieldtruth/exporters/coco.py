@@ -39,7 +39,7 @@ from fieldtruth.core.readings import Image
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
 from fieldtruth.exporters.frames import with_photo
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 from fieldtruth.world.boxes import named_objects, object_box
 
 _PARTS: Final = ("photo", "label", "instance")

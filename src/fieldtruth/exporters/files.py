@@ -40,7 +40,7 @@ from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.frames import intensity_is_class
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 README: Final = "README.txt"
 SHEET: Final = "data_proportion.xlsx"
@@ -487,7 +487,7 @@ def _classes() -> str:
 
 
 def _other_classes(label_map: LabelMap) -> str:
-    """Which class of the ontology each of our classes becomes."""
+    """Return the section with the class of the ontology that each of our classes becomes."""
     rows = []
     for row in CLASSES:
         if row.rgb is not None:

@@ -15,7 +15,7 @@ import xlsxwriter
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 SHARES: Final = "class shares"
 FIGURE: Final = "figure 21"

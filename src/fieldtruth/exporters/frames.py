@@ -27,7 +27,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import bags_in
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_-]")
@@ -177,7 +177,7 @@ def require_frames(run: Run, *, clouds: bool) -> None:
 
 
 def intensity_is_class(lidar: Source) -> bool:
-    """Whether the field intensity of a LiDAR's points is their class, as in the paper, and not their reflectivity."""
+    """Return True if the intensity of a LiDAR's points is their class, as in the paper, not their reflectivity."""
     return getattr(lidar.config, "intensity", "class") == "class"
 
 
@@ -204,7 +204,7 @@ class View(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What was measured at a stamp."""
+    """The readings of a stamp."""
 
     stamp_ns: int
     views: dict[str, View]

@@ -20,12 +20,12 @@ from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.png import encode_png, ids_png
-from fieldtruth.core.readings import Cloud
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 _Row = tuple[dict[str, Any], int]
 """Values by column, and their size [byte]."""
@@ -37,7 +37,7 @@ _RUN: Final = Column("run", "string", "name of the run")
 _STAMP: Final = Column("stamp_ns", "int64", "simulated time [ns]")
 
 _IMAGE_COLUMNS: Final = (
-    Column("image", "image", "photograph, JPEG, byte for byte as recorded"),
+    Column("image", "image", "photograph, {formats}, byte for byte as recorded"),
     Column("mask", "image", "class id of each pixel, PNG, grey, 8 bits"),
     _CLASSES,
     _RUN,
@@ -101,7 +101,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     labels, members = options.labels, options.members
     names = class_names(labels)
     for member in members:
-        require_frames(member.run, clouds=True)
+        run = member.run
+        require_frames(run, clouds=True)
+        sources = [*run.of(Image), *run.of(Cloud)]
+        run.streams([topic for each in sources for topic in each.topics.values() if topic in run.counts])  # in one pass
     tables = []
     for name, columns, rows in (
         ("images", _image_columns(members), _images),
@@ -135,11 +138,18 @@ def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if views else ()
     columns += _LENS_COLUMNS * any(_is_distorted(run, view) for run, view in views)
-    return tuple(column._replace(about=column.about.replace("{cameras}", names)) for column in columns)
+    formats = " or ".join(sorted({_format_of(run, view) for run, view in views}))
+    return tuple(column._replace(about=column.about.format(cameras=names, formats=formats)) for column in columns)
+
+
+def _format_of(run: Run, view: Source) -> str:
+    """Return the format of a view's photographs, as the first one has it."""
+    start = bytes(run.readings(view.name, ["photo"]).message(0).data[:4])
+    return "PNG" if start == b"\x89PNG" else "JPEG"
 
 
 def _is_distorted(run: Run, view: Source) -> bool:
-    """Whether K alone does not describe a camera."""
+    """Return True if K alone does not describe a camera."""
     return run.calibration.has_lens(view.name) and not run.calibration.lens(view.name).is_pinhole
 
 

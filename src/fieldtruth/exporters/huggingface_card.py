@@ -20,7 +20,7 @@ import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.frames import SPLITS, Member
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"
@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
     @property
     def is_list(self) -> bool:
-        """Whether a cell has several values."""
+        """True if a cell has several values."""
         return self.kind.endswith("[]") or self.kind == "classes"
 
     @property
@@ -112,7 +112,7 @@ def title_of(members: Sequence[Member]) -> str:
 
 
 def is_own(members: Sequence[Member]) -> bool:
-    """Whether fieldtruth generated all runs."""
+    """Return True if fieldtruth generated all runs."""
     return all(member.run.experiment is not None for member in members)
 
 
@@ -170,12 +170,13 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
     kinds = {"images": "image", "clouds": "3d"}
+    lidar = ["lidar" for table in tables if table.name == "clouds"]
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),
         "size_categories": [next((text for most, text in _SIZES.items() if rows < most), _LARGEST)],
         "task_categories": tasks,
-        "tags": ["synthetic", "lidar", "off-road", "semantic-segmentation", *(kinds[table.name] for table in tables)],
+        "tags": ["synthetic", *lidar, "off-road", "semantic-segmentation", *(kinds[table.name] for table in tables)],
         "configs": [_configuration(table, default=table is tables[0]) for table in tables],
         "dataset_info": [_info(table, names) for table in tables],
     }
@@ -257,7 +258,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
             f"{' and '.join(units)}. Written by fieldtruth {fieldtruth.__version__}."
         ),
         "version": "1.0.0",
-        "keywords": ["robotics", "lidar", "semantic segmentation", "off-road", "synthetic"],
+        "keywords": ["robotics", *["lidar"] * ("point" in units), "semantic segmentation", "off-road", "synthetic"],
         **own,
         "creator": {"@type": "sc:Organization", "name": "fieldtruth"},
         "isLiveDataset": False,

@@ -70,7 +70,7 @@ def rectified_views(run: Run) -> list[Source]:
 
 
 def has_cameras(run: Run) -> bool:
-    """Whether the run has the calibration of a camera."""
+    """Return True if the run has the calibration of a camera."""
     return any(run.calibration.has_lens(view.name) for view in first_views(run))
 
 
@@ -199,18 +199,29 @@ _README: Final = """\
 - `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and reflectivity, 0 of a LiDAR
   without a signal.
 - `sequences/NN/times.txt`: seconds after the sequence's first frame.
-- `sequences/NN/calib.txt`: projections P0 to P3 (P0 = P2 left, P1 = P3 right); Tr, from the LiDAR to the left camera.
-- `poses/NN.txt`: true pose of the left camera (x right, y down, z forward) relative to its first, 3 x 4 numbers a row.
+- `sequences/NN/calib.txt`: projections P0 to P3 ({projections}); Tr, from the LiDAR to the {camera}.
+- `poses/NN.txt`: true pose of the {camera} (x right, y down, z forward) relative to its first, 3 x 4 numbers a row.
 
 A frame is a cloud and the photographs with the same stamp; other clouds are left out (the format semantickitti has
 them all). Only if (nearly) no stamps agree, the nearest photographs are used; times and poses are then those of the
-left photograph.
+{photograph}.
 
 | sequence | run | frames | first stamp [ns] | most between cloud and photographs |
 |---|---|---|---|---|
 """
-_PAIR: Final = "- `sequences/NN/image_2`, `image_3`: photographs of the left and right camera (PNG), rectified."
-_SINGLE: Final = "- `sequences/NN/image_2`: photographs of the camera (PNG), rectified; it counts as the left one."
+_PAIR: Final = {
+    "photographs": "- `sequences/NN/image_2`, `image_3`: photographs of the left and right camera (PNG), rectified.",
+    "projections": "P0 = P2 left, P1 = P3 right",
+    "camera": "left camera",
+    "photograph": "left photograph",
+}
+_SINGLE: Final = {
+    "photographs": "- `sequences/NN/image_2`: photographs (PNG), rectified.",
+    "projections": "of one camera, all equal",
+    "camera": "camera",
+    "photograph": "photograph",
+}
+"""Words of the README for runs with and without a pair."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -235,7 +246,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             cameras = " and ".join(chosen["cameras"])
             choices.append(f"\n{run.name}: LiDAR {chosen['lidar']}, photographs of {cameras}.\n")
     has_pair = any(len(first_views(run)) == 2 for run in runs)
-    text = _README.format(photographs=_PAIR if has_pair else _SINGLE)
+    text = _README.format(**(_PAIR if has_pair else _SINGLE))
     (target / "README.md").write_text(text + "".join(lines + choices), encoding="utf-8")
 
 
@@ -243,7 +254,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     """Write the frames; return their stamps, and the largest difference [ns] of those of a cloud and its photographs.
 
     Raises:
-        BagError: there are none.
+        BagError: no cloud has photographs.
     """
     views = first_views(run)
     for name in (CLOUDS, *IMAGES[: len(views)]):

@@ -70,7 +70,7 @@ class KittiBox(NamedTuple):
 
 
 class _Source(NamedTuple):
-    """What is needed to write a frame."""
+    """All that is needed to write a frame; ``own`` holds the whole objects of each thread."""
 
     clouds: Readings
     images: Readings

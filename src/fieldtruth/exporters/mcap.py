@@ -5,8 +5,8 @@
 The log time of a message is its stamp in the bag. Headers lose their ``seq``, which ROS 2 does not have.
 """
 
-import struct
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -27,8 +27,8 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 
 import fieldtruth
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
+from fieldtruth.bag.ros2 import MODEL_STATES, ROS1_GAP, ROS2_GAP, ModelStatesConverter
 from fieldtruth.bag.run import Run
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
@@ -36,7 +36,6 @@ from fieldtruth.exporters import Options
 _CHUNK_SIZE: Final = 4 * 2**20
 """Bytes of messages per chunk, which is what a viewer decompresses to show one instant."""
 _FOREVER: Final = QosTime(9223372036, 854775807)
-_MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
 
 Convert = Callable[[RawMessage], bytes | memoryview]
 """Converts a ROS 1 message to CDR."""
@@ -111,18 +110,8 @@ def _register(writer: Writer, channels: Iterable[_Channel], types: "Ros2Types") 
 def _qos(*, latched: bool) -> str:
     """Quality of service: reliable; a latched topic is transient local, so that late subscribers get its message."""
     durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
-    profile = Qos(
-        QosHistory.UNKNOWN,
-        0,
-        QosReliability.RELIABLE,
-        durability,
-        _FOREVER,
-        _FOREVER,
-        QosLiveliness.AUTOMATIC,
-        _FOREVER,
-        avoid_ros_namespace_conventions=False,
-    )
-    return dump_qos_v8([profile])
+    history, liveliness = (QosHistory.UNKNOWN, 0, QosReliability.RELIABLE, durability), QosLiveliness.AUTOMATIC
+    return dump_qos_v8([Qos(*history, _FOREVER, _FOREVER, liveliness, _FOREVER, avoid_ros_namespace_conventions=False)])
 
 
 def _rosbag2_metadata(run: Run, rows: Sequence[tuple[_Channel, int]]) -> str:
@@ -198,15 +187,16 @@ class Ros2Types:
 
     def converter(self) -> Convert:
         """Return a function that converts messages to CDR; it raises BagError for a damaged message."""
-        model_states = _ModelStates(self._same_fields_to_cdr)
+        copy = partial(self._same_fields_to_cdr, MODEL_STATES)
+        model_states = ModelStatesConverter(copy, (ROS1_GAP, ROS2_GAP))
         defaults: dict[str, object] = {}
 
         def convert(raw: RawMessage) -> bytes | memoryview:
             try:
-                if raw.msgtype == _MODEL_STATES and self._same[_MODEL_STATES]:
-                    return model_states(raw)
+                if raw.msgtype == MODEL_STATES and self._same[MODEL_STATES]:
+                    return model_states(raw.data)
                 if self._same[raw.msgtype]:
-                    return self._same_fields_to_cdr(raw)
+                    return self._same_fields_to_cdr(raw.msgtype, raw.data)
                 types = self._ros1, self._ros2, raw.msgtype, raw.msgtype
                 return migrate_bytes(*types, defaults, raw.data, src_is2=False, dst_is2=True)
             except Exception as error:  # rosbags' generated code raises arbitrary errors for damaged bytes
@@ -223,30 +213,6 @@ class Ros2Types:
         types = get_types_from_msg(text, msgtype)
         self._ros2.register({name: fields for name, fields in types.items() if name not in self._ros2.fielddefs})
 
-    def _same_fields_to_cdr(self, raw: RawMessage) -> memoryview:
-        """CDR of a type with the same fields in the same order: only alignment and lengths differ."""
-        return self._ros2.ros1_to_cdr(raw.data, raw.msgtype)
-
-
-class _ModelStates:
-    """Converts gazebo_msgs/ModelStates, which comes at 1000 Hz: poses and twists are copied as two arrays.
-
-    rosbags converts field by field, 1 ms per message of park_1; that would double the time of the export of a run with
-    default settings. The encoded names are kept from one message to the next.
-    """
-
-    def __init__(self, convert: Convert) -> None:
-        self._convert = convert
-        self._reader = ModelStatesReader()
-        self._names: tuple[str, ...] | None = None
-        self._head = b""
-
-    def __call__(self, raw: RawMessage) -> bytes | memoryview:
-        poses, twists = self._reader.poses(raw.data), self._reader.twists(raw.data)
-        count = len(poses)
-        if self._reader.names is not self._names:
-            whole = self._convert(raw)
-            self._head = bytes(whole[: len(whole) - 104 * count - 8])
-            self._names = self._reader.names
-        # Doubles start at multiples of 8: the twists come after a count of 4 bytes and 4 bytes of padding.
-        return b"".join((self._head, poses.data, struct.pack("<I4x", count), twists.data))
+    def _same_fields_to_cdr(self, msgtype: str, data: bytes) -> bytes:
+        """Convert a message of a type with the same fields in the same order: only alignment and lengths differ."""
+        return bytes(self._ros2.ros1_to_cdr(data, msgtype))

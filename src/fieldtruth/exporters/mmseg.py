@@ -20,7 +20,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import SPLITS, Frames, Member, cameras_of, require_frames
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology import OWN, LabelMap
 
 IGNORED: Final = 255
 """Train id of pixels without a class; MMSegmentation's ignore_index."""

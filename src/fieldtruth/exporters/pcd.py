@@ -16,7 +16,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, first_lidar, intensity_is_class
-from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.ontology import OWN, LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
 """PCD's TYPE by NumPy's dtype kind."""

@@ -81,17 +81,17 @@ class LidarFacts(NamedTuple):
 
     @property
     def has_t(self) -> bool:
-        """Whether points have their time after the stamp in ``t`` [ns], so that scans can be deskewed."""
+        """True if points have their time after the stamp in ``t`` [ns], so that scans can be deskewed."""
         return self.fields.get("t") == _UINT32
 
     @property
     def has_time(self) -> bool:
-        """Whether points have their time after the stamp in ``time`` [s], as Velodyne's driver writes it."""
+        """True if points have their time after the stamp in ``time`` [s], as Velodyne's driver writes it."""
         return self.fields.get("time") == _FLOAT32
 
     @property
     def has_short_ring(self) -> bool:
-        """Whether ``ring`` has 8 bits, as in Ouster's older driver; else it has 16."""
+        """True if ``ring`` has 8 bits, as in Ouster's older driver; else it has 16."""
         return self.fields.get("ring") == _UINT8
 
 
@@ -104,7 +104,7 @@ class ImuFacts(NamedTuple):
     rate_hz: float
     noise: ImuNoise
     assumed: bool
-    """Whether the readings are exact, so that the noise is ``ASSUMED_NOISE``."""
+    """True: the readings are exact, and the noise is ``ASSUMED_NOISE``."""
 
 
 class ViewFacts(NamedTuple):

@@ -21,7 +21,6 @@ from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.parallel import in_order
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views, require_pinholes
 from fieldtruth.exporters.image_files import metres_npy, millimetres_png
@@ -192,17 +191,11 @@ def _pair(run: Run, right: Source) -> Pair:
 def _write_frames(run: Run, images: Sequence[Readings], pair: Pair, target: Path, options: Options) -> list[Errors]:
     """Write the frames and return their errors, if the left images have the true depth."""
     stamps = np.intersect1d(images[0].stamps_ns, images[1].stamps_ns).tolist()
-    count = len(stamps)
-    if not count:
+    if not stamps:
         topics = ", ".join(each.source.topics[part] for each in images for part in each.parts)
         raise BagError(f"{run.bag} has no frame: no stamp is common to {topics}")
-    made: list[Errors] = []
-    with options.progress.stage("match the photographs", run.duration_s) as advance:
-        work = partial(_write_frame, images, pair, target)
-        for errors in in_order(stamps, work, options.workers):
-            made += errors
-            advance(run.duration_s / count)
-    return made
+    work = partial(_write_frame, images, pair, target)
+    return [errors for found in options.each("match the photographs", run, stamps, work) for errors in found]
 
 
 def _write_frame(images: Sequence[Readings], pair: Pair, target: Path, stamp: int) -> list[Errors]:

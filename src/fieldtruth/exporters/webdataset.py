@@ -29,7 +29,7 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frames, Member, cameras_of, count_common, require_frames
 from fieldtruth.exporters.zipped import add_member
-from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.ontology import LabelMap
 
 DATASET: Final = "dataset.json"
 
@@ -86,7 +86,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _contents(run: Run) -> dict[str, _Content]:
-    """What a run has by name: frames of all cameras, each camera with images in no such frame, and each LiDAR's clouds.
+    """Contents of a run by name: frames of all cameras, of each with images in no such frame, and each LiDAR's clouds.
 
     Raises:
         BagError: it has nothing of these.

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import atomic_output, output_errors, remove
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
 
 if TYPE_CHECKING:
     from fieldtruth.experiment.rig import Rig

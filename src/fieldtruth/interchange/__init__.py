@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import atomic_output, output_errors, remove
-from fieldtruth.core.memory import check_memory
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
+from fieldtruth.core.parallel import check_memory
 from fieldtruth.world.model import World
 
 _BASE: Final = 300_000_000
@@ -35,7 +34,7 @@ class Format(NamedTuple):
     extra: str = ""
     """Extra of the package that it needs; empty: none."""
     plain: bool = False
-    """Whether it does without extensions of its file format, which not all tools know."""
+    """True: it does without extensions of its file format, which not all tools know."""
 
 
 FORMATS: Final[dict[str, Format]] = {

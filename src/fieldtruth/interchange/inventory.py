@@ -277,7 +277,7 @@ class Item(NamedTuple):
     mesh: str
     world_from_object: Array
     beyond: bool
-    """Whether it is outside the world's edge."""
+    """True outside the world's edge."""
 
 
 def write(world: World, folder: Path, *, beyond: bool) -> None:

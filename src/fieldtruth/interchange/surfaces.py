@@ -116,7 +116,7 @@ class SwarmTile:
     members: NDArray[np.intp]
     """Rows of the swarm's arrays."""
     beyond: bool
-    """Whether the members are beyond the world's edge."""
+    """True beyond the world's edge."""
 
     def face_count(self, world: World) -> int:
         """Number of the members' triangles."""
@@ -132,7 +132,7 @@ class MergedTile(SwarmTile):
 
 
 def beyond_edge(world: World, swarm: Swarm) -> NDArray[np.bool_]:
-    """Whether the origin of each member (n,) is beyond the world's edge."""
+    """Return True (n,) for members whose origin is beyond the world's edge."""
     return np.asarray((np.abs(swarm.world_from_object[:, :2, 3]) > np.array(world.size) / 2).any(axis=1))
 
 

@@ -196,7 +196,8 @@ def scatter(depths: Array, higher: Array, elevation: float, ceiling: float, out:
                     out[i, j, part, HIGHER, w] += share * (molecules + AEROSOL_ALBEDO * aerosol) * more
                     passed[w] *= left
                 if step == _STEPS - 1:
-                    through[i] = passed
+                    for w in range(waves):
+                        through[i, w] = passed[w]
 
 
 @inlined

@@ -79,7 +79,7 @@ def clear_rows(clear: Clear, sun: Array, haze: float, start: int, rgb: Float32Ar
             out[:] = 0.0
             add_air(clear, sun, ray, BELOW, haze, out)
             add_air(clear, sun, ray, ABOVE, 1.0, out)
-            rgb[i, j] = out
+            rgb[i, j, 0], rgb[i, j, 1], rgb[i, j, 2] = out[0], out[1], out[2]
 
 
 @kernel
@@ -121,7 +121,7 @@ def march_rows(
                 continue
             cloud[:] = 0.0
             seen[i, j, 3] = 1.0 - march(clouds, shade, light, ray, cloud)
-            seen[i, j, :3] = cloud
+            seen[i, j, 0], seen[i, j, 1], seen[i, j, 2] = cloud[0], cloud[1], cloud[2]
 
 
 @kernel(allocates=True)

@@ -241,7 +241,8 @@ def lay_stones(
             last_j = min(ny - 1, int(np.floor(max(p[1], q[1], r[1]) + 0.5)))
             for i in range(first_i, last_i + 1):
                 for j in range(first_j, last_j + 1):
-                    polygon[0], polygon[1], polygon[2] = p, q, r
+                    for axis in range(3):
+                        polygon[0, axis], polygon[1, axis], polygon[2, axis] = p[axis], q[axis], r[axis]
                     count = _cut(polygon, 3, spare, 0, 1.0, i + 0.5)
                     count = _cut(spare, count, polygon, 0, -1.0, 0.5 - i)
                     count = _cut(polygon, count, spare, 1, 1.0, j + 0.5)
@@ -262,7 +263,8 @@ def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit:
         a, b = corners[k], corners[(k + 1) % count]
         over_a, over_b = sign * a[axis] - limit, sign * b[axis] - limit
         if over_a <= 0.0:
-            kept[n] = a
+            for m in range(3):
+                kept[n, m] = a[m]
             n += 1
         if (over_a < 0.0 < over_b) or (over_b < 0.0 < over_a):
             share = over_a / (over_a - over_b)

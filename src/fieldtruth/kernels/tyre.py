@@ -198,16 +198,17 @@ def press(
         squash = (w * w - r * r) * tilt
         reach = -1.0 / math.sqrt(r * r + squash * tilt)
         point = plus(plus(hub, reach * r * r, normal), reach * squash, axle)  # lowest of the ellipsoid
-        patches.position[k] = plus(point, depth - deflection, normal)
+        place, turn = patches.position, patches.quaternion_wxyz
+        place[k, 0], place[k, 1], place[k, 2] = plus(point, depth - deflection, normal)
         c = math.sqrt((1 + normal[2]) * 2)  # the shortest turn that brings z onto the normal
-        patches.quaternion_wxyz[k] = (c / 2, -normal[1] / c, normal[0] / c, 0.0)
+        turn[k, 0], turn[k, 1], turn[k, 2], turn[k, 3] = c / 2, -normal[1] / c, normal[0] / c, 0.0
         forward = cross(axle, normal)
         length = math.sqrt(dot(forward, forward))
         forward = (forward[0] / length, forward[1] / length, forward[2] / length)
         lever = plus(point, -1.0, origin)
         velocity = plus((qvel[0], qvel[1], qvel[2]), 1.0, cross(spin, lever))
-        patches.forward[k] = forward
-        patches.velocity[k] = (dot(velocity, forward), dot(velocity, cross(normal, forward)))
+        patches.forward[k, 0], patches.forward[k, 1], patches.forward[k, 2] = forward
+        patches.velocity[k, 0], patches.velocity[k, 1] = dot(velocity, forward), dot(velocity, cross(normal, forward))
         patches.rolling[k] = r * qvel[6 + k] if 6 + k < len(qvel) else 0.0
 
 

@@ -1,3 +1,92 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Label maps from our classes to the ontologies of other data sets."""
+"""Label maps from our classes to the ontologies of other data sets, as arrays.
+
+A map is a file with ``classes``, name and rgb by id of the ontology, and ``ids`` by the name of our class. Those of the
+package are in ``label_maps``: RELLIS-3D, RUGD, the 64 classes of GOOSE, the 9 of its challenge, and the 6 groups of
+GANav. A user's are in a folder ``label_maps`` of FIELDTRUTH_PATH, or named by an entry point of the group
+``fieldtruth.label_maps``. Sources, reasons and losses are documented in docs/labels.md; a test compares its tables with
+the files.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.core.registry import Registry
+from fieldtruth.core.yaml_io import read_data
+
+
+class OntologyClass(NamedTuple):
+    """Name and colour of a class of another ontology."""
+
+    name: str
+    rgb: tuple[int, int, int]
+
+
+class LabelMap(NamedTuple):
+    """An ontology and the map to it: ``ids[label]`` is its id for our class ``label``."""
+
+    name: str
+    ids: NDArray[np.uint8]
+    """(18,) ids of the ontology by our class id; row 0 is its void class."""
+    classes: Mapping[int, OntologyClass]
+    """All classes of the ontology by id; ``ids`` uses some of them."""
+
+    def colours(self) -> NDArray[np.uint8]:
+        """(256, 3) RGB by id of the ontology; black where it has no class."""
+        table = np.zeros((256, 3), np.uint8)
+        for number, other in self.classes.items():
+            table[number] = other.rgb
+        return table
+
+
+OWN: Final = LabelMap(
+    "fieldtruth",
+    np.arange(len(CLASSES), dtype=np.uint8),
+    {int(row.label): OntologyClass(row.name, row.rgb or (0, 0, 0)) for row in CLASSES},
+)
+"""Our own classes, mapped to themselves."""
+
+
+def _read(name: str, given: Any) -> LabelMap:
+    """Read the map of a file, or of a mapping.
+
+    Raises:
+        ConfigurationError: a class of ours without id, an unknown class, or an id without a class.
+    """
+    if isinstance(given, LabelMap):
+        return given
+    data, source = read_data(name, given), str(given) if isinstance(given, str | Path) else name
+    ours = [row.name for row in CLASSES]
+    classes = {number: OntologyClass(row["name"], tuple(row["rgb"])) for number, row in data["classes"].items()}
+    for own in data["ids"]:
+        if own not in ours:
+            raise ConfigurationError(f"{source}: ids: unknown class {own!r}; {suggestion(str(own), ours)}")
+    for own in ours:
+        number = data["ids"].get(own)
+        if number not in classes or not 0 <= number < 256:
+            allowed = ", ".join(map(str, classes))
+            raise ConfigurationError(f"{source}: ids: {own} must be one of the classes {allowed}; got {number}")
+    ids = np.array([data["ids"][own] for own in ours], np.uint8)
+    ids.setflags(write=False)
+    return LabelMap(name, ids, classes)
+
+
+LABEL_MAPS: Final[Registry[LabelMap]] = Registry(
+    "label map", "label_maps", ".yaml", _read, Path(__file__).parent / "label_maps"
+)
+
+
+def label_map_of(name: str) -> LabelMap:
+    """Return a label map by name.
+
+    Raises:
+        UnknownNameError: unknown name.
+    """
+    return LABEL_MAPS.find(name)

@@ -69,12 +69,29 @@ def bake(
         workers: threads; None takes every available core. The result does not depend on it.
         folder: cache folder; None takes the user's.
     """
-    light = LightConfig() if light is None else light
+    light, folder = light or LightConfig(), folder or cache_folder()
     workers = cpu_count() if workers is None else workers
-    values, heights, folder = light.values, scene.world.terrain.surface.heights, folder or cache_folder()
-    sun = sun_direction(values.azimuth_deg, values.elevation_deg)
-    materials = material_table(scene.world, sun, values.wetness)
+    materials = _materials(scene, light)
     table = cached_light(scene, light, folder, lambda: bake_light(scene, light, workers, weather, materials), weather)
+    return _baked(scene, table, materials, weather)
+
+
+def lit_scene(
+    scene: Scene, light: LightConfig, weather: WeatherConfig | None, workers: int, *, texels: int | None = None
+) -> BakedScene:
+    """Compute the light of a scene as ``bake`` does, without the cache; see ``bake_light`` for ``texels``."""
+    materials = _materials(scene, light)
+    return _baked(scene, bake_light(scene, light, workers, weather, materials, texels=texels), materials, weather)
+
+
+def _materials(scene: Scene, light: LightConfig) -> MaterialTable:
+    values = light.values
+    return material_table(scene.world, sun_direction(values.azimuth_deg, values.elevation_deg), values.wetness)
+
+
+def _baked(scene: Scene, table: LightTable, materials: MaterialTable, weather: WeatherConfig | None) -> BakedScene:
+    """Put light into the weather, and choose the exposure."""
+    heights = scene.world.terrain.surface.heights
     air = air_of(weather, table, heights)
     table = light_in(air, table, float(heights.mean()))
     shading = shading_of(scene, table, materials, air)

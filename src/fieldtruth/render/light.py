@@ -87,10 +87,13 @@ def bake_light(
     workers: int,
     weather: WeatherConfig | None = None,
     materials: MaterialTable | None = None,
+    *,
+    texels: int | None = None,
 ) -> LightTable:
     """Compute the light of a scene. Only its volume is that in the weather, the rest that in clear air.
 
-    The result does not depend on ``workers``; ``materials`` are made here if they are not given.
+    The result does not depend on ``workers``; ``materials`` are made here if they are not given. The dome has
+    ``texels`` along each side, by default DOME_TEXELS.
     """
     sun = sun_direction(light.values.azimuth_deg, light.values.elevation_deg)
     disc, size = sun_disc(sun, SUN_RADIUS_DEG, 12), scene.world.size
@@ -98,7 +101,7 @@ def bake_light(
         spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
         x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)
         rng = np.random.default_rng([scene.world.seed, 7])
-        day = metered_daylight(light.values, size, rng, pool, daylight.DOME_TEXELS)
+        day = metered_daylight(light.values, size, rng, pool, texels or daylight.DOME_TEXELS)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
         table = LightTable(
             sun=sun,
@@ -142,7 +145,8 @@ def visibility(
     """
     result = np.empty(len(points), np.float32)
     normals = np.zeros_like(points) if normals is None else normals
-    fill_visibility(scene, new_packet(coherent=True), points, normals, directions, near, reach, result)
+    ahead = np.ascontiguousarray(directions)  # other strides would compile another kernel
+    fill_visibility(scene, new_packet(coherent=True), points, normals, ahead, near, reach, result)
     return result
 
 

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The data card of a run, DATASET.md: contents, conventions and limits of the data."""
+"""The data card of a run, DATASET.md: contents, conventions and limits of the data.
+
+Its words about robot, environment, season, light and weather are those of the experiment; other cards use them, too.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources

@@ -20,10 +20,11 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Rig, visible_parts
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.sense.robot import part_table, robot_view
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
@@ -96,7 +97,7 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
 
     Sensors that are not enabled count, too. Of a stereo pair only the left view counts.
     """
-    views = [sensor.imagers()[0] for sensor in rig.sensors if isinstance(sensor, CameraConfig)]
+    views = [sensor.imagers()[0] for sensor in rig.sensors if isinstance(sensor, ImagingConfig)]
     parts = visible_parts(rig)
     robot = {view.name: robot_view(part_table(parts), view) if parts else None for view in views}
     heads = [sensor for sensor in rig.sensors if isinstance(sensor, LidarConfig)]

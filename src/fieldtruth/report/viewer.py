@@ -26,8 +26,7 @@ from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.files import atomic_output, output_errors
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import atomic_output, output_errors, output_path
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
 from fieldtruth.report.drawing.images import flow_colours, normal_colours

@@ -24,6 +24,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.due import Due, DueReadings, Frame, frame_of, wanted_outputs
+from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.motion import (
     GrowingMotion,
     LiveMotion,
@@ -240,6 +241,7 @@ class Simulation:
         """Return what the sensors are in; the world is built at the first use."""
         if self._sensor_world is None:
             self._route = None
+            compile_beside(self._experiment)
             world = world_of(self._experiment) if self._own_world is None else self._own_world
             self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
         return self._sensor_world

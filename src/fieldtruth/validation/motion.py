@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames and motion: true poses, mounts and cameras, the drive, and the commands that steer it.
+"""Frames and motion: true poses, mounts, the drive, and the commands that steer it.
 
 The true poses are those of /gazebo/model_states; odometry and /tf repeat them. The physics steps velocity first and
 then the pose with the new velocity (semi-implicit Euler), so from one message to the next the robot moves by ``v dt``
@@ -26,7 +26,7 @@ from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
-from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.drive.controller import WaypointFollower, antenna_geodetic
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, geodetic_route, metres_from_route
 from fieldtruth.validation.check import Rule, Spec, Tally
@@ -306,7 +306,7 @@ class Drive(Checker):
             self._tally.note = f"{seconds:g} s as in the experiment"
         elif goal is not None:
             state = self._context.motion.state(self._last_ns)
-            antenna = transforms.transform(state.world_from_base, np.array([experiment.rig.gnss.mount.xyz]))[0]
+            antenna = transforms.transform(state.world_from_base, np.array([experiment.rig.first(Fix).mount.xyz]))[0]
             away, speed = float(np.linalg.norm(antenna[:2] - goal)), float(np.linalg.norm(state.linear_velocity))
             self._tally.note = f"{seconds:g} s, then {away:.2f} m from the last waypoint at {speed:.2f} m/s"
             arrived = away < experiment.control.arrival_distance + _STOPPING and speed < _STANDING
@@ -323,8 +323,8 @@ class Commands(Checker):
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(COMMANDS)
-        self._imu, self._gnss = context.rig.imu, context.rig.gnss
-        self._fixes, readings = (each.true_topic(each.topic) for each in (self._gnss, self._imu))
+        self._attitude, self._position = context.rig.first(Inertial), context.rig.first(Fix)
+        self._fixes, readings = (each.true_topic(each.topic) for each in (self._position, self._attitude))
         self.topics = (readings, self._fixes, table.COMMANDS)
         self.tallies = [self._tally]
         self._heading: tuple[int, float] = (0, 0.0)
@@ -332,7 +332,7 @@ class Commands(Checker):
         experiment = context.experiment
         if experiment is None:
             return
-        if not (self._imu.enabled and self._gnss.enabled):
+        if not (self._attitude.enabled and self._position.enabled):
             self._tally.skipped = "the IMU or the GNSS receiver that steers the robot is not enabled"
             return
         try:
@@ -350,9 +350,9 @@ class Commands(Checker):
             follower.update_fix(message.latitude, message.longitude)
         elif raw.topic != table.COMMANDS:
             q = message.orientation
-            world_from_imu = rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
-            base_from_imu = self._imu.mount.base_from_sensor[:3, :3]
-            self._heading = raw.stamp_ns, float(yaw_from_rotation(world_from_imu @ base_from_imu.T))
+            world_from_sensor = transforms.rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
+            base_from_sensor = self._attitude.mount.base_from_sensor[:3, :3]
+            self._heading = raw.stamp_ns, float(transforms.yaw_from_rotation(world_from_sensor @ base_from_sensor.T))
         elif self._heading[0] == raw.stamp_ns:
             due, found = follower.command(self._heading[1]), (message.linear.x, message.angular.z)
             self._tally[COMMAND].measure(float(np.abs(np.subtract(due, found)).max()), at(raw))
@@ -360,5 +360,5 @@ class Commands(Checker):
     def _see_start(self) -> None:
         assert self._follower is not None
         state = self._context.motion.state(0)
-        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, self._gnss.mount)
+        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, self._position.mount)
         self._follower.update_fix(float(antenna[0]), float(antenna[1]))

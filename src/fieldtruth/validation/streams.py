@@ -40,7 +40,7 @@ NO_GAP: Final = Rule("no reading is missing")
 _NO_TOPIC: Final = "no topic of the topic table"
 STAMPS: Final[Spec] = Spec("stamps", (RISING, HEADER_STAMP, ON_RATE, NO_GAP), "stamps", _NO_TOPIC)
 
-TOGETHER: Final = Rule("each camera's topics, wheels, odometry and /tf, /clock and model states have the same stamps")
+TOGETHER: Final = Rule("topics of a sensor's readings, odometry and /tf, /clock and model states have the same stamps")
 SYNCHRONISATION: Final[Spec] = Spec("synchronisation", (TOGETHER,), "stamps", "no topics with the same stamps")
 
 OWN_STAMP: Final = Rule("/clock publishes its own stamp")

@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a filled builder and its terrain to a world: instance ids, and the materials and textures that are used."""
+"""From a filled builder and its terrain to a world: instance ids, and the materials and textures that are used.
+
+A world may also end at its edge, as the paper's environments of 50 m x 100 m do: nothing is outside the rectangle. What
+stands inside stays, to the last triangle, so that the same drive can be recorded with and without surroundings. Crowns,
+wires and water that reach across the edge are cut there.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -188,7 +193,7 @@ def _from_corner(faces: NDArray[np.int32], marked: NDArray[np.bool_]) -> NDArray
 
 
 def _crossings(vertices: Array, inside: Array, one: NDArray[np.int32], other: NDArray[np.int32]) -> Array:
-    """Where edges cross the plane, computed from the inner end, so that neighbouring triangles agree exactly."""
+    """Crossings of edges with the plane, computed from the inner end, so that neighbouring triangles agree exactly."""
     swap = inside[one] < 0
     near, far = np.where(swap, other, one), np.where(swap, one, other)
     share = inside[near] / (inside[near] - inside[far])

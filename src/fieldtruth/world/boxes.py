@@ -31,7 +31,7 @@ class OrientedBox(NamedTuple):
         )
 
     def contains(self, points: Array, margin: float = 0.0) -> Mask:
-        """Which points (n, 3) [m] of its frame are in it, or outside by at most ``margin`` [m]."""
+        """Mask of the points (n, 3) [m] of its frame that are in it, or outside by at most ``margin`` [m]."""
         own = (np.asarray(points, np.float64) - self.centre) @ self.rotation
         return np.asarray((np.abs(own) <= self.size / 2 + margin).all(axis=-1))
 
@@ -60,7 +60,7 @@ def object_box(world: World, instance: Instance) -> OrientedBox:
 
 
 def faces_of(world: World, mesh: Mesh, labels: Collection[int] | None) -> Mask:
-    """Which faces (f,) of a mesh have one of these classes; all for None."""
+    """Mask (f,) of the faces of a mesh that have one of these classes; all for None."""
     if labels is None:
         return np.ones(len(mesh.faces), np.bool_)
     own = np.array([int(world.materials[name].label) for name in mesh.materials])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds by name and seed, built by rules or read from the cache."""
+"""Worlds by name and seed, built by rules or read from the cache, and the file in which a world is stored."""
 
 import json
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.classes import Label
 from fieldtruth.core.files import atomic_output
-from fieldtruth.core.memory import check_memory
+from fieldtruth.core.parallel import check_memory
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge

@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Park benches, 1.7 m wide, seat 0.45 m high, facing +x: cast-iron sides, concrete sides, and one without a back."""
+"""Street furniture: each function makes one of several variants as a mesh with its colliders, facing +x.
+
+Park benches, 1.7 m wide, seat 0.45 m high: cast-iron sides, concrete sides, and one without a back. Lamp posts of 4 to
+5 m: a cast-iron column with a four-paned lantern, and a steel pole with a post-top luminaire. Tables, 0.75 m high, long
+side along y: planks on crossed legs, and a round chess table of concrete. Trash bins, about 0.9 m high: a slatted steel
+basket around a drum, and a hooded sheet-metal bin on a post.
+"""
 
 from dataclasses import replace
 

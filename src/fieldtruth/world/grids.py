@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grids over a world, and the distance from its edge."""
+"""Grids over a world, the distance from its edge, fractal noise on grids and in space, and trails as smooth lines.
+
+Noise is a sum of smooth random fields of halving wavelength.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,7 +30,7 @@ COVER: Final = 0.1
 
 
 def coarseness(size: tuple[float, float]) -> int:
-    """By how much the spacing of grids over a world of a size [m] is larger, so that their nodes stay about as many."""
+    """Factor on the spacing of grids over a world of a size [m], so that their nodes stay about as many."""
     return max(1, int(np.ceil(np.sqrt(size[0] * size[1] / FINE_AREA))))
 
 
@@ -159,7 +162,7 @@ class Line:
         return best
 
     def may_be_within(self, reach: float, x: float, y: float) -> bool:
-        """Whether a position is within ``reach`` [m] of the rectangle around the line."""
+        """Return True if a position is within ``reach`` [m] of the rectangle around the line."""
         (low_x, low_y), (high_x, high_y) = self._corners
         return low_x - reach <= x <= high_x + reach and low_y - reach <= y <= high_y + reach
 

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What lies and sprouts on the ground: leaves, twigs, cones, stones, tufts of short grass, as patches of shared meshes.
+"""Litter on the ground: leaves, twigs, cones, stones, tufts of short grass, as patches of shared meshes.
 
 Patches lie on the surface that rays meet, in its mean slope. They have the class of the ground they lie on: those of a
 trail lie wholly on it, the others wholly beside. Wheels do not feel them.
+
+A shape makes n of a kind at once, as one surface: curled leaves, blades, twigs, stones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +22,7 @@ from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
 from fieldtruth.world.placement import WorldBuilder, jittered_grid, random_tints, rotations_to, upright_poses
 from fieldtruth.world.plants.grasses import discs, kites, spindles
-from fieldtruth.world.plants.growth import Surface, merged, unit
+from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 
 Shape = Callable[[Array, Array, np.random.Generator], Surface]
 """Surface of n objects at foots (n, 3) [m] on level ground with sizes (n,) [m], their greatest extent."""
@@ -71,7 +73,7 @@ def leaves(foot: Array, size: Array, rng: np.random.Generator) -> Surface:
     normals = unit(np.stack([up - tilt] * 4 + [up + tilt] * 4, axis=1))
     half = [[0.5, 0.03], [0.96, 0.3], [0.9, 0.7], [0.5, 0.97]]
     uv = np.broadcast_to([*half, *([1.0 - u, v] for u, v in half)], (n, 8, 2))
-    return _gathered(vertices, normals, uv, [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
+    return gathered(vertices, normals, uv, [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
 
 
 def blades(foot: Array, size: Array, rng: np.random.Generator) -> Surface:
@@ -157,7 +159,7 @@ def _turned(middle: Array, ball: Array, axes: Array, rng: np.random.Generator) -
     vertices = middle[:, None] + rotated(ball * axes[:, None])
     normals = unit(rotated(ball / axes[:, None]))
     uv = 8.0 * vertices[..., :2] + rng.random((len(middle), 1, 2))
-    return _gathered(vertices, normals, uv, _FACES)
+    return gathered(vertices, normals, uv, _FACES)
 
 
 def _askew(n: int, tilt_deg: float, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -167,13 +169,6 @@ def _askew(n: int, tilt_deg: float, rng: np.random.Generator) -> tuple[Array, Ar
     level = np.stack([np.cos(turn), np.sin(turn), np.zeros(n)], axis=1)
     ahead = unit(level - (level * up).sum(axis=1, keepdims=True) * up)
     return ahead, np.cross(up, ahead), up
-
-
-def _gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int]]) -> Surface:
-    """One surface of n objects with k vertices (n, k, ...), each with the faces of ``pattern``."""
-    n, k, _ = vertices.shape
-    faces = k * np.arange(n)[:, None, None] + np.array(pattern)
-    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
 
 
 SHAPES: Final[Mapping[str, Shape]] = {

@@ -3,6 +3,9 @@
 """The data of a world: terrain, shared meshes, objects that are instances of them, swarms, materials.
 
 A triangle's class is its material's; the terrain's class follows from the signed distance to the nearest trail's edge.
+
+``World.from_meshes`` makes a world of triangles of a user's own meshes with class, name and colour, which are checked.
+Meshes and scenes of trimesh are known by their attributes; the library itself is not needed.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -218,7 +221,7 @@ class Material:
     relief: float = 0.0
     """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
-    """What kind of ground it is, a name in ``world.ground_types``; empty for anything else."""
+    """Ground type, a name in ``materials.GROUND_TYPES``; empty for anything else."""
 
     @property
     def images(self) -> tuple[str, ...]:
@@ -411,11 +414,11 @@ class Terrain:
     layer: NDArray[np.float32] | None = None
     snow: NDArray[np.float32] | None = None
     visible: bool = True
-    """Whether rays meet it, and exports contain it. Otherwise it is only where light and physics assume the ground."""
+    """True: rays meet it, and exports contain it. Otherwise only light and physics assume the ground there."""
 
     @cached_property
     def surface(self) -> Heightfield:
-        """What rays meet, cameras show and exports contain: the field with its layer."""
+        """Field with its layer, which rays meet, cameras show and exports contain."""
         return self.field if self.layer is None else replace(self.field, heights=self.field.heights + self.layer)
 
     def label_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.uint8]:
@@ -485,7 +488,7 @@ class World:
 
     @property
     def has_wide_ids(self) -> bool:
-        """Whether an instance id needs more than 16 bits."""
+        """True if an instance id needs more than 16 bits."""
         ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
         return max(ids, default=0) >= WIDE_IDS
 

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps."""
+"""Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps.
+
+Circles on a plane are found by position: placing an object takes as long in a large world as in a small one. Swarms are
+many small objects at once, spread over an area.
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -292,7 +296,7 @@ class WorldBuilder:
         return round(count * max(1.0, self.size[0] * self.size[1] / (BUILT_IN[0] * BUILT_IN[1])))
 
     def is_free(self, xy: Sequence[float] | Array, radius: float) -> bool:
-        """Whether a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
+        """Return True if a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
         x, y = float(xy[0]), float(xy[1])
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:
@@ -366,16 +370,37 @@ class WorldBuilder:
             CrowdedWorldError: too few candidates are free even at half the spacing.
         """
         darts = self.random_positions(self.tries(tries), rng)
+        return self.place(group, rng, darts[allowed(darts)])
+
+    def place(
+        self,
+        group: ObjectGroup,
+        rng: np.random.Generator,
+        candidates: Array,
+        *,
+        eases: Sequence[float] = EASES,
+        pose: Callable[[Array, float, float], Array] | None = None,
+    ) -> list[Instance]:
+        """Place objects at candidates (n, 2), upright or at the ``pose`` (4, 4) of a position, a yaw and a scale.
+
+        Draws for each candidate a scale, and for a placed object yaw and tint.
+
+        Raises:
+            CrowdedWorldError: too few candidates are free even at the least of the eased spacings.
+        """
 
         def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
             mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
-            if not apart or not self.is_free(xy, mesh.footprint * scale):
+            radius = mesh.footprint * scale
+            if not apart or not self.is_free(xy, radius):
                 return None
-            yaw = float(rng.uniform(0.0, 2.0 * np.pi))
-            return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
+            yaw, tint = float(rng.uniform(0.0, 2.0 * np.pi)), random_tint(rng, group.tint)
+            if pose is None:
+                return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=tint)
+            return self.add(group.kind, mesh, pose(xy, yaw, scale), [(*xy, radius)], tint=tint)
 
-        hits = darts[allowed(darts)]
-        return group.check_complete(place_until_count(group.count, hits, attempt, spacings=eased(group.spacing)))
+        placed = place_until_count(group.count, candidates, attempt, spacings=eased(group.spacing, eases))
+        return group.check_complete(placed)
 
     def along_trails(self, group: ObjectGroup, rng: np.random.Generator, offset: float) -> list[Instance]:
         """Add objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.
@@ -438,7 +463,7 @@ class WorldBuilder:
         self.add_swarm(make_swarm(spec.name, spec.kind, spec.meshes, poses, rng, tint=spec.tint), spec.meshes)
 
     def off_solids(self, xy: Array, clear: float) -> Mask:
-        """Whether positions (n, 2) are at least ``clear`` [m] from all colliders."""
+        """Mask of the positions (n, 2) that are at least ``clear`` [m] from all colliders."""
         off = np.ones(len(xy), np.bool_)
         if len(xy) and self._solids:
             solids = np.array(self._solids)

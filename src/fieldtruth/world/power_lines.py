@@ -1,9 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poles of an overhead line with four wires along x: a wooden one of 9 m and a spun-concrete one of 9.5 m.
+"""Overhead lines: poles with four wires along x, a wooden one of 9 m and a spun-concrete one of 9.5 m, and the wires.
 
 Pin insulators hold three bare medium-voltage conductors, two on the cross-arm and one on top; a bracket on the side
 holds an insulated bundle below them. Dimensions are those of European 20 kV lines with pin insulators.
+
+A wire is a catenary in closed form with a thin tube along it. A rope that neither stretches nor resists bending hangs
+as z = a cosh(x / a) (H. M. Irvine, Cable Structures, 1981, section 1.2), moved to pass through both points.
 """
 
 from dataclasses import dataclass, replace

@@ -1,11 +1,39 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Limits on the slope of a heightfield that vary over it, as along a route that a robot must drive.
+"""Shapes of the ground: slopes that a robot can drive, erosion, what trees leave in the soil, relief and its cover.
 
-The gradient is cut to the limit and integrated by Poisson's equation (as Fattal, Lischinski and Werman did with light,
-SIGGRAPH 2002). "Is a gradient" and "is nowhere too steep" are both convex, so alternating projections (von Neumann)
-converge to a surface that is both. A route across a steep flank becomes a ledge without edges, and the hill keeps its
-shape on either side.
+Slope limits. The gradient is cut to the limit and integrated by Poisson's equation (as Fattal, Lischinski and Werman
+did with light, SIGGRAPH 2002). "Is a gradient" and "is nowhere too steep" are both convex, so alternating projections
+(von Neumann) converge to a surface that is both. A route across a steep flank becomes a ledge without edges, and the
+hill keeps its shape on either side.
+
+Erosion. Streams follow the stream power law dh/dt = -K A^0.5 S (A the area drained, S the slope), solved implicitly
+from the outlets upwards (Braun and Willett, Geomorphology 180, 2013), after hollows are filled to their lowest rim
+(Barnes, Lehman and Mulla, Computers and Geosciences 62, 2014). Creep is linear diffusion (Culling, Journal of Geology
+68, 1960). Collapse is the thermal weathering of Musgrave, Kolb and Mace (SIGGRAPH 1989): material above the angle of
+repose moves to the lower neighbours. Material cut by streams is removed. Nothing here is random.
+
+Pits and mounds. Sizes of old pairs whose trunk has rotted: mounds about 0.2 to 0.5 m high and 2 to 3 m long, pits about
+as deep, the longer axis across the fall; the trees of one storm fell in one direction (Schaetzl, Burns, Small and
+Johnson 1990, Physical Geography 11, quoted from memory).
+
+Roots. Sizes follow the trunk's radius r: the swell is 0.25 r high and falls off over 2.5 r; four to seven roots leave
+the trunk 0.4 r above the soil, thin out over 6 to 16 r and show above it in parts (drawn from photographs of spruce and
+beech on shallow soils; no published statistics were found).
+
+Microrelief has profiles with the displacement spectrum that ISO 8608 gives to a class of ground. A profile along any
+straight line has the one-sided spectrum Gd(n) = Gd(n0) (n / n0)^-w [m^3] at spatial frequencies n [cycles/m], n0 = 0.1
+(ISO 8608:2016, equation 7). An isotropic field of two-sided spectrum S(q) [m^4], q the magnitude of the spatial
+frequency, has profiles of Gd(n) = 2 int S(hypot(n, m)) dm over all m: the frequencies across the line are summed (the
+Abel transform of S). For S = C q^-(w + 1) the integral is C n^-w B(1/2, w/2) with Euler's beta function, so that C =
+Gd(n0) n0^w / (2 B(1/2, w/2)) gives the profiles asked for. ``BAND`` limits q; up to its lower end n is unchanged, and
+near its upper end the profiles lack what lies beyond: for w = 2, Gd(n) is multiplied by sqrt(1 - (n / q_max)^2).
+
+The same white noise is used for every waviness, so that ground types merge without a seam.
+
+The layer is short grass, litter or crumbs: what rays meet above the soil where no blade stands, and wheels press flat.
+Its heights are normal numbers of the ground types' means and deviations, correlated over a few centimetres. It fades
+out towards the edge of a trail from both sides, and where the cover changes to bare ground it changes with it.
 """
 
 from collections.abc import Iterable, Sequence

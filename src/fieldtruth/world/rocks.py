@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The body of a rock: a block cut by fracture planes, with worn edges.
+"""Rocks: types as data, bodies made by fracture and noise as meshes, and poses in the ground.
 
 A body is star-shaped: it has one radius per direction. Cut by planes with normals n_k at distances d_k, its radius in
 direction u is 1 / max(n_k . u / d_k). Erosion rounds edges and corners: a p-norm replaces the maximum, close to it for
 a large p (flat facets of freshly broken rock) and a smooth ball for a small one.
+
+A mesh has normals with creases, texture coordinates projected on boxes, and a collider; a part of it is below the soil.
+A pose is inclined with the slope, and so deep that no gap below the rim is visible.
 """
 
 from collections.abc import Sequence
@@ -171,7 +174,7 @@ TEXTURE_LENGTH: Final = 1.2
 
 @dataclass(frozen=True, kw_only=True)
 class RockType:
-    """How rocks of one type break and weather."""
+    """Fracture and weathering of the rocks of one type."""
 
     name: str
     material: str

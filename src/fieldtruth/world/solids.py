@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Polylines and polygons: rounded corners, bars of a given thickness, triangulation."""
+"""Solid shapes of furniture and poles, and their outlines: bevelled box, tube along a path, body of revolution, plate.
+
+Each is a closed :class:`Mesh` of one material. Texture coordinates are in repeats: metres over ``TILE``. On boxes, u
+runs along the longest side, the direction of a plank's grain. Outlines are polylines and polygons, with rounded
+corners, as bars of a given thickness, and triangulated.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,23 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Husky with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers."""
+"""The robot with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers."""
 
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
+from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive.physics import FRICTION, skid_compensation
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import WHEELS
+from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import parts
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
-from fieldtruth.sensors.camera.labels import pinhole
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 Flavour = Literal["classic", "gz"]
 """Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
@@ -43,9 +39,9 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
     parts.check_rig(rig)
     values = _values(rig)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
-    config = render(
-        "robot", "model.config.xml.jinja", version="1.9" if flavour == "gz" else "1.7", sensors=_sensors(rig)
-    )
+    version = "1.9" if flavour == "gz" else "1.7"
+    words = {"robot": values["robot"], "sensors": _sensors(rig)}
+    config = render("robot", "model.config.xml.jinja", version=version, **words)
     write(folder / "models" / "husky" / "model.sdf", sdf)
     write(folder / "models" / "husky" / "model.config", config)
     for name, xacro in (("husky.urdf.xacro", True), ("husky.urdf", False)):
@@ -54,9 +50,9 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
 
 def _sensors(rig: Rig) -> str:
     """Name the kinds of sensors of a rig: ``LiDAR, stereo camera and IMU``."""
-    words = {LidarConfig: "LiDAR", StereoConfig: "stereo camera", CameraConfig: "camera"}
-    words |= {ImuConfig: "IMU", GnssConfig: "GNSS receiver"}
-    *rest, last = [word for config, word in words.items() if any(type(s) is config for s in rig.in_order())] or ["none"]
+    cameras = sorted(rig.enabled(ImagingConfig), key=lambda camera: -len(camera.imagers()))
+    found = (*rig.enabled(ScanningConfig), *cameras, *rig.giving(Inertial), *rig.giving(Fix))
+    *rest, last = dict.fromkeys(sensor.noun for sensor in found) or ["none"]
     return f"{', '.join(rest)} and {last}" if rest else last
 
 
@@ -66,24 +62,27 @@ def _values(rig: Rig) -> dict[str, Any]:
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
+        "robot": parts.robot_words(rig.robot),
         "topics": topics,
         "geodesy": geodesy,
         "parts": parts,
         "friction": FRICTION,
         "defaults": ARGUMENTS,
         "frames": parts.fixed_frames(rig),
-        "antennas": {antenna.frame for antenna in rig.antennas},
+        "scanners": rig.enabled(ScanningConfig),
+        "imus": rig.giving(Inertial),
+        "receivers": rig.giving(Fix),
+        "antennas": {receiver.frame for receiver in rig.giving(Fix)},
         "shapes": parts.body_shapes(rig),
         "tread": parts.wheel_shape(rig),
         "near": parts.NEAR,
         "yellow": parts.YELLOW,
         "black": parts.BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
-        "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
+        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
         "chassis_mass": chassis_mass,
         "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
         "wheel_inertia": parts.wheel_inertia(rig.robot),
-        "pinhole": pinhole,
     }

@@ -23,16 +23,16 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig
-from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.labels import pinhole
-from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
+from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.report.card import robot_title
 
 STIFFNESS: Final = 1e7  # [N/m]
 DAMPING: Final = 1.0  # [N s/m]
@@ -40,7 +40,8 @@ MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
 MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
 GNSS_INERTIA: Final = 1e-6  # [kg m^2]
-_EVEN: Final = 1e-6  # [deg] of which the steps between beams may differ
+_HELD: Final = (Cloud, Image, Inertial, Fix)
+"""Types of readings that Gazebo's sensors have."""
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
@@ -61,6 +62,19 @@ class Frame(NamedTuple):
     parent: str
     xyz: tuple[float, float, float]
     rpy: tuple[float, float, float]
+
+
+class RobotWords(NamedTuple):
+    """Words for a robot: "Clearpath Husky", and after "the": "Husky". The model is called ``husky`` whatever it is."""
+
+    title: str
+    name: str
+
+
+def robot_words(robot: RobotConfig) -> RobotWords:
+    """Return the words for the robot of an experiment."""
+    title = robot_title(robot)
+    return RobotWords(title[0].upper() + title[1:], title.partition(" ")[2] if title[0].isupper() else "robot")
 
 
 class Scan(NamedTuple):
@@ -95,7 +109,7 @@ def mount_pose(mount: Mount) -> tuple[float, ...]:
     return (*mount.xyz, *np.radians(mount.rpy_deg).tolist())
 
 
-def scan_angles(config: LidarConfig) -> Scan:
+def scan_angles(config: ScanningConfig) -> Scan:
     """Return the angles of our rays, in Gazebo's order: from right to left, from the lowest ring to the highest.
 
     Gazebo's ray i of n has the angle min + i (max - min) / (n - 1). Its column i is our ``(n // 2 - i) % n``, because
@@ -111,7 +125,7 @@ def scan_angles(config: LidarConfig) -> Scan:
     return Scan(first, first + (config.columns - 1) * step, low, high)
 
 
-def cloud_topic(config: LidarConfig) -> str:
+def cloud_topic(config: ScanningConfig) -> str:
     """Topic of the LiDAR in the newer Gazebo, which adds /points to it for the cloud."""
     return config.topic.removesuffix("/points") or f"/{config.name}"
 
@@ -125,20 +139,21 @@ def check_rig(rig: Rig) -> None:
     """
     if rig.robot.drive != "skid_steer":
         raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
-    for lidar in rig.lidars:
-        if lidar.pattern is not None:
+    for sensor in rig.sensors:
+        if sensor.enabled and not issubclass(sensor.gives, _HELD) and not sensor.needs_wheels:
             raise ConfigurationError(
-                f"rig.sensors: {lidar.name} has the pattern {lidar.pattern}; Gazebo's scanner turns evenly; "
+                f"rig.sensors: {sensor.name} is of kind {sensor.kind}, which a Gazebo package cannot hold; "
                 "give enabled: false"
             )
-        steps = np.diff(lidar.elevations_deg or ())
-        uneven = steps.size > 0 and np.ptp(steps) > _EVEN
-        if uneven or any(lidar.azimuth_offsets_deg or ()):
-            raise ConfigurationError(
-                f"rig.sensors: {lidar.name} has {'uneven elevations_deg' if uneven else 'azimuth_offsets_deg'}; the "
-                "beams of Gazebo's scanner are even and straight above each other; give enabled: false"
-            )
-    for camera in rig.cameras:
+    for scanner in rig.enabled(ScanningConfig):
+        if key := scanner.uneven:
+            value = getattr(scanner, key)
+            what = f"{'uneven ' * (key == 'elevations_deg')}{key}"
+            why = "the beams of Gazebo's scanner are even and straight above each other"
+            if isinstance(value, str):
+                what, why = f"the {key} {value}", "Gazebo's scanner turns evenly"
+            raise ConfigurationError(f"rig.sensors: {scanner.name} has {what}; {why}; give enabled: false")
+    for camera in rig.enabled(ImagingConfig):
         if camera.lens != LensConfig():
             changed = [key for key, value in LensConfig() if getattr(camera.lens, key) != value]
             own = (
@@ -210,7 +225,7 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     if "mast" in boxes and (mast := _mast(rig, boxes["mast"], float(chassis.size[2]))):
         shapes.append(mast)
     housings = [*_lidar_housings(rig, chassis), *_camera_housings(rig)]
-    housings += [(each, _cylinder(_name(each), _ANTENNA, each.mount)) for each in rig.antennas]
+    housings += [(each, _cylinder(_name(each), _ANTENNA, each.mount)) for each in rig.giving(Fix)]
     return (*shapes, *(shape for owner, shape in housings if not _observers(rig, shape, owner)))
 
 
@@ -240,7 +255,7 @@ def _lidar_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | Non
     """LiDARs with the poles on which they stand, which end below the cameras."""
     top = float(chassis.size[2])
     heights = [imager.mount.xyz[2] for imager in rig.imagers]
-    for lidar in rig.lidars:
+    for lidar in rig.enabled(ScanningConfig):
         x, y, z = lidar.mount.xyz
         low = min(z, *heights) - _OS1[1] / 2
         if low > top and (np.abs((x, y)) < chassis.size[:2] / 2).all():
@@ -251,12 +266,12 @@ def _lidar_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | Non
 
 def _camera_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """Boxes behind the centres of the lenses."""
-    for camera in rig.cameras:
+    for camera in rig.enabled(ImagingConfig):
         imagers = camera.imagers()
         poses = [camera_pose(imager) for imager in imagers]
         middle = np.mean([pose[:3] for pose in poses], axis=0)
         base_from_body = transforms.pose((0.0, 0.0, 0.0), np.degrees(poses[0][3:]).tolist())
-        depth, width, height = _ZED2 if isinstance(camera, StereoConfig) else _CAMERA
+        depth, width, height = _ZED2 if len(imagers) > 1 else _CAMERA
         size = (depth, round(width + imagers[-1].baseline, 9), height)
         centre = np.round(middle - base_from_body[:3, 0] * depth / 2, 12).tolist()
         yield camera, Shape(_name(camera), size, tuple(centre), rpy=poses[0][3:])
@@ -272,7 +287,7 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = {lidar.name: _hits(lidar, points) for lidar in rig.lidars if lidar != owner}
+    seen = {lidar.name: _hits(lidar, points) for lidar in rig.enabled(ScanningConfig) if lidar != owner}
     seen |= {
         imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
         for imager in rig.imagers
@@ -281,7 +296,7 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     return [name for name, found in seen.items() if found]
 
 
-def _hits(lidar: LidarConfig, points: Array) -> bool:
+def _hits(lidar: ScanningConfig, points: Array) -> bool:
     x, y, z = transforms.transform(transforms.inverse(lidar.mount.base_from_sensor), points).T
     angles, elevation = scan_angles(lidar), np.arctan2(z, np.hypot(x, y))
     within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
@@ -289,7 +304,7 @@ def _hits(lidar: LidarConfig, points: Array) -> bool:
 
 
 def _shows(camera: ImagingConfig, optical: Array) -> bool:
-    lens, (u, v, depth) = pinhole(camera), optical.T
+    lens, (u, v, depth) = camera.projection, optical.T
     inside = (np.abs(u) * lens.fx < depth * camera.width / 2) & (np.abs(v) * lens.fy < depth * camera.height / 2)
     return bool((inside & (depth > NEAR)).any())
 
@@ -297,7 +312,7 @@ def _shows(camera: ImagingConfig, optical: Array) -> bool:
 def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:
     """Return the mast of the physics, cut off below the LiDARs' beams, which Gazebo would otherwise let it meet."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
-    for lidar in rig.lidars:
+    for lidar in rig.enabled(ScanningConfig):
         x, y, z = lidar.mount.xyz
         corner = max(math.hypot(cx - x, cy - y) for cx in (low[0], high[0]) for cy in (low[1], high[1]))
         tilt = math.degrees(math.acos(np.clip(lidar.mount.base_from_sensor[2, 2], -1.0, 1.0)))

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
+"""A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz.
+
+Topics of the newer Gazebo come to ROS 2 through ros_gz_bridge; images through ros_gz_image.
+"""
 
 import json
 import re
@@ -17,21 +20,19 @@ import fieldtruth
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
+from fieldtruth.experiment.config import DriveConfig, Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import WHEELS
-from fieldtruth.experiment.sensor_families import Imager
+from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
-from fieldtruth.gazebo.robot.parts import cloud_topic, observers
+from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import pinhole
-from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
-from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.world.model import World
 
 _DEPENDENCIES: Final = {
@@ -90,9 +91,9 @@ def rviz_configuration(rig: Rig, ros: int) -> str:
 def _displays(block: str, rig: Rig) -> str:
     """Repeat the display of a sensor for each sensor of that kind; with several, its name has theirs."""
     if "- Class: rviz/PointCloud2\n" in block:
-        each = [(lidar.name, lidar.topic) for lidar in rig.lidars]
+        each = [(lidar.name, lidar.topic) for lidar in rig.enabled(ScanningConfig)]
     elif "- Class: rviz/Image\n" in block:
-        each = [(camera.name, camera.imagers()[0].topic) for camera in rig.cameras]
+        each = [(camera.name, camera.imagers()[0].topic) for camera in rig.enabled(ImagingConfig)]
     else:
         return block
     suffixes = [f", {name}" if len(each) > 1 else "" for name, _ in each]
@@ -107,11 +108,12 @@ def _displays(block: str, rig: Rig) -> str:
 def _without_axes(text: str, rig: Rig) -> str:
     """Hide the cameras' frames, which their optical frames hide, and have the time follow the first cloud."""
     hidden = "        {}:\n          Value: false\n"
-    cameras = [imager.frame for s in rig.sensors if isinstance(s, CameraConfig) for imager in s.imagers()]
+    cameras = [imager.frame for s in rig.sensors if isinstance(s, ImagingConfig) for imager in s.imagers()]
     paper = "".join(hidden.format(f"{side}_camera") for side in ("left", "right"))
     text = text.replace(paper, "".join(hidden.format(frame) for frame in cameras))
-    name = f"cloud by class, {rig.lidars[0].name}" if len(rig.lidars) > 1 else "cloud by class"
-    return text.replace("SyncSource: cloud by class\n", f"SyncSource: {name if rig.lidars else ''}".rstrip() + "\n")
+    scanners = [scanner.name for scanner in rig.enabled(ScanningConfig)]
+    name = f"cloud by class, {scanners[0]}" if len(scanners) > 1 else "cloud by class" * len(scanners)
+    return text.replace("SyncSource: cloud by class\n", f"SyncSource: {name}".rstrip() + "\n")
 
 
 def bridge_table(rig: Rig) -> list[dict[str, Any]]:
@@ -121,13 +123,13 @@ def bridge_table(rig: Rig) -> list[dict[str, Any]]:
         _row(topics.CLOCK, "rosgraph_msgs/msg/Clock", "Clock"),
         _row(topics.TF, "tf2_msgs/msg/TFMessage", "Pose_V"),
         _row(topics.ODOMETRY, "nav_msgs/msg/Odometry", "Odometry"),
-        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.imus),
-        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.antennas),
-        _row(JOINT_STATES, "sensor_msgs/msg/JointState", "Model"),
+        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.giving(Inertial)),
+        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.giving(Fix)),
+        _row("/joint_states", "sensor_msgs/msg/JointState", "Model"),
         _row(topics.COMMANDS, "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
         *(
             _row(lidar.topic, "sensor_msgs/msg/PointCloud2", "PointCloudPacked", gz=f"{cloud_topic(lidar)}/points")
-            for lidar in rig.lidars
+            for lidar in rig.enabled(ScanningConfig)
         ),
         *(_row(f"{info}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=info) for info in infos),
     ]
@@ -219,7 +221,7 @@ def _write_shared_config(folder: Path, world: World, rig: Rig, again: Experiment
 
 
 def _check_steering(rig: Rig) -> None:
-    for sensor in (rig.imu, rig.gnss):
+    for sensor in (rig.first(Inertial), rig.first(Fix)):
         if not sensor.enabled:
             raise ConfigurationError(
                 f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by the first "
@@ -240,14 +242,18 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "layout": world.layout,
         "plain_world": f"{world.name}_plain",
         "rig": rig,
+        "robot": robot_words(rig.robot),
+        "scanners": rig.enabled(ScanningConfig),
+        "imu": rig.first(Inertial),
+        "receiver": rig.first(Fix),
         "other": rig != Rig(),
         "observers": observers(rig),
-        "lenses": [pinhole(camera) for camera in rig.cameras],
+        "lenses": [camera.projection for camera in rig.enabled(ImagingConfig)],
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
-        "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
-        "wheels": dict(zip(WHEELS, WHEEL_SPEEDS, strict=True)) if rig.wheel_odometry is not None else {},
+        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
+        "wheels": dict(zip(WHEELS, rig.wheel_speed_topics, strict=True)) if rig.reports_wheels else {},
         "images": image_topics(rig),
     }
 
@@ -261,7 +267,7 @@ def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
     roll, pitch, yaw = Rotation.from_quat(xyzw_from_wxyz(quaternion)).as_euler("xyz").tolist()
     pose = (*position.tolist(), roll, pitch, yaw)
     names = ("x", "y", "z", "roll", "pitch", "yaw")
-    base_from_imu = Rotation.from_matrix(rig.imu.mount.base_from_sensor[:3, :3]).as_quat(canonical=True)
+    base_from_imu = Rotation.from_matrix(rig.first(Inertial).mount.base_from_sensor[:3, :3]).as_quat(canonical=True)
     return {
         "experiment": experiment.name,
         "start": {name: round(value, 6) for name, value in zip(names, pose, strict=True)},
@@ -281,13 +287,16 @@ def _again(experiment: Experiment, world: World, rig: Rig, ros: int) -> Experime
 
 
 def _calibration(imager: Imager) -> dict[str, Any]:
+    lens = imager.config.projection
+    matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    shift = np.array([[-lens.fx * imager.baseline if imager.baseline else 0.0], [0.0], [0.0]])
     return {
         "frame_id": imager.optical_frame,
         "width": imager.config.width,
         "height": imager.config.height,
-        "K": camera_matrix(imager.config).ravel().tolist(),
+        "K": matrix.ravel().tolist(),
         "R": np.eye(3).ravel().tolist(),
-        "P": projection_matrix(imager).ravel().tolist(),
+        "P": np.hstack([matrix, shift]).ravel().tolist(),
     }
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh files of single surfaces: Wavefront OBJ for Gazebo 11, glTF for the newer Gazebo.
+"""Mesh files of single surfaces, Wavefront OBJ for Gazebo 11 and glTF for the newer Gazebo, and their textures.
 
 Gazebo 11 reads OBJ fast (two million triangles in 5 s), but crashes on a file without a material library, so each file
 has one, which also shows the texture in other tools.

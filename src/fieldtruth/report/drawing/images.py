@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images with fewer pixels, and JPEGs below a given size."""
+"""Small images: fewer pixels, JPEGs below a size, PNGs with every pixel, and colours of normals and of optical flow."""
 
 from pathlib import Path
 from typing import Final
@@ -9,8 +9,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from fieldtruth.core.files import output_errors, write_atomically
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import output_errors, output_path, write_atomically
 
 _QUALITIES: Final = range(90, 20, -4)
 _LARGE: Final = 0.98  # quantile of the lengths of flow that is drawn in full colour

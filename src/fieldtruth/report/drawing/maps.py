@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Aerial view of a world, rendered with the camera model, and its projection. North is right, west is up."""
+"""Maps: aerial view of a world and its projection, arcs, fields of view, distances along a path.
+
+The view is rendered with the camera model. North is right, west is up.
+"""
 
 from dataclasses import dataclass
 from typing import Final

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Colours and typeface of sheets, pages and workbooks."""
+"""Colours and typeface of sheets, pages and workbooks, and numbers and names as text for readers."""
 
 from typing import Final
 

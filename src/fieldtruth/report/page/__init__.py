@@ -14,8 +14,7 @@ from markupsafe import Markup
 
 import fieldtruth
 from fieldtruth.bag.run import open_run
-from fieldtruth.core.files import output_errors, write_atomically
-from fieldtruth.core.outputs import output_path
+from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.report.drawing.style import fixed

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One pass through a bag: time series, the robot's trajectory, and counts of the classes.
+"""One pass through a bag: time series, the robot's trajectory, and counts of the classes in tag images and clouds.
 
-Memory does not grow with the bag, except for a pose every 20 ms (64 bytes).
+Memory does not grow with the bag, except for the numbers of the small messages (below 1 MB per minute).
 """
 
 from collections.abc import Callable, Mapping
@@ -34,6 +34,7 @@ UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, 
 """Exceptions from a message that differs from what its topic promises."""
 _OTHER_CHANNELS: Final = 9
 """Curves of motion and wheels."""
+_CHANNELS: Final = {Inertial: 6, Fixes: 3}
 
 
 def count_pixels(tag: Any) -> Counts:
@@ -70,7 +71,7 @@ class BagSummary:
 
     lines: Lines = field(default_factory=dict)
     trajectory: Trajectory | None = None
-    first_fixes: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    first_fixes: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Latitude, longitude [deg], height [m] by sensor; the name is empty if there is one receiver."""
     pixels: dict[str, Counts] = field(default_factory=dict)
     """Pixels by class id (18,) of each tag topic; row 0 counts colours that no class has."""
@@ -140,7 +141,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
                 counts[topic] = counts.get(topic, np.zeros(len(CLASSES), np.int64)) + found
         if table.MODEL_STATES in wanted:
             _collect_states(run, collectors[table.MODEL_STATES], summary.unreadable)
-    _finish(summary, collectors)
+    _finish(summary, collectors, run)
     good = {topic: found for topic, found in counts.items() if topic not in summary.unreadable}
     summary.points = {topic: found for topic, found in good.items() if topic in clouds}
     summary.pixels = {topic: found for topic, found in good.items() if topic in tags}
@@ -152,13 +153,11 @@ def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
     imus, antennas = run.of(readings.Inertial, recorded=False), run.of(readings.Fix, recorded=False)
     wheels = run.of(readings.WheelSpeeds, recorded=False)
-    channels = _OTHER_CHANNELS + 6 * len(imus) + 3 * len(antennas)
-    time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
     made: Mapping[str, Collector] = {
-        poses: Motion(time, from_model_states=poses == table.MODEL_STATES),
-        **{imu.topic: Inertial(time, imu.name * (len(imus) > 1)) for imu in imus},
-        **{each.topic: Fixes(time, each.name * (len(antennas) > 1)) for each in antennas},
-        **{t: Wheel(time, name.replace("_", " ")) for each in wheels for name, t in each.topics.items()},
+        poses: Motion(from_model_states=poses == table.MODEL_STATES),
+        **{imu.topic: Inertial(imu.name * (len(imus) > 1)) for imu in imus},
+        **{each.topic: Fixes(each.name * (len(antennas) > 1)) for each in antennas},
+        **{t: Wheel(name.replace("_", " ")) for each in wheels for name, t in each.topics.items()},
     }
     return {topic: collector for topic, collector in made.items() if topic in topics}
 
@@ -173,11 +172,12 @@ def _collect_states(run: Run, collector: Collector, unreadable: dict[str, str]) 
             unreadable[table.MODEL_STATES] = reason(error)
 
 
-def _finish(summary: BagSummary, collectors: Mapping[str, Collector]) -> None:
-    for topic, collector in collectors.items():
-        if topic in summary.unreadable:
-            continue
-        for curve, lines in collector.lines().items():
+def _finish(summary: BagSummary, collectors: Mapping[str, Collector], run: Run) -> None:
+    found = [each for topic, each in collectors.items() if topic not in summary.unreadable]
+    channels = _OTHER_CHANNELS + sum(_CHANNELS.get(type(each), 0) for each in collectors.values())
+    time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
+    for collector in found:
+        for curve, lines in collector.lines(time).items():
             summary.lines.setdefault(curve, {}).update(lines)
         if isinstance(collector, Motion):
             summary.trajectory = collector.trajectory()

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Content of a page as plain data: parts that the run lacks are empty, with the reason in a note."""
+"""Content of a page as plain data: parts that the run lacks are empty, with the reason in a note.
+
+It has samples of all cameras with their tag images (paper, Figures 17 to 20), compressed to bounded sizes.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The path on a map: on the aerial view of the world or, without it, on a grid in metres.
+"""The path on a map: on the aerial view of the world of the bag or, without it, on a grid in metres.
 
 North is right and west is up, as in the paper's Figures 8 to 11.
 """

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Time series from the small messages of a bag: one collector per topic, which works on blocks of readings."""
+"""Time series from the small messages of a bag, as plots of a page: one collector per topic."""
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
 from fieldtruth.bag.topics import ROBOT
-from fieldtruth.core.arrays import Array, Counts, Mask
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.report.drawing.style import fixed
 
 BUCKETS: Final = 1000
@@ -23,7 +23,6 @@ VERTICES: Final = 2 * BUCKETS
 CHANNELS: Final = 40
 """A page with more channels has fewer vertices of each."""
 Stamps = NDArray[np.int64]
-_BLOCK: Final = 4096
 _POSE_INTERVAL: Final = 19_000_000  # [ns]; keeps every pose of a topic at 50 Hz
 SPEED, TILT, HEADING, HEIGHT = "speed", "tilt", "heading", "height"
 TURNING, ACCELERATION, WHEELS, GNSS = "turning", "acceleration", "wheels", "gnss"
@@ -45,104 +44,71 @@ class Line(NamedTuple):
     values: Array
 
 
-class Decimator:
-    """Keeps the smallest and the largest reading of each channel in each of so many equal intervals of time.
+def decimated(stamps_ns: Stamps, values: Array, time: Time) -> Line:
+    """Keep the smallest and the largest reading (n,) in each of so many equal intervals of time, in time order.
 
-    Memory does not grow with the number of readings. Readings that are not finite are skipped; those before
-    ``start_ns`` or after ``end_ns`` belong to the first or last interval.
+    Readings that are not finite are skipped; those before the first or after the last stamp of ``time`` belong to the
+    first or last interval.
     """
-
-    def __init__(self, channels: int, start_ns: int, end_ns: int, buckets: int = BUCKETS) -> None:
-        self._start, self._span, self._buckets = start_ns, max(end_ns - start_ns, 1), buckets
-        shape = channels, buckets
-        self._low, self._low_ns = np.full(shape, np.inf), np.zeros(shape, np.int64)
-        self._high, self._high_ns = np.full(shape, -np.inf), np.zeros(shape, np.int64)
-
-    def add(self, stamps_ns: Stamps, values: Array) -> None:
-        """Add readings (n, channels) with their stamps (n,)."""
-        bucket = np.clip((stamps_ns - self._start) * self._buckets // self._span, 0, self._buckets - 1)
-        for channel, column in enumerate(values.T):
-            good = np.isfinite(column)
-            order = np.lexsort((column[good], bucket[good]))
-            buckets, readings, stamps = bucket[good][order], column[good][order], stamps_ns[good][order]
-            edge = np.flatnonzero(np.diff(buckets))
-            firsts, lasts = np.append(-1, edge) + 1, np.append(edge, len(buckets) - 1)
-            if len(buckets):
-                low, high = (self._low[channel], self._low_ns[channel]), (self._high[channel], self._high_ns[channel])
-                _keep(*low, buckets[firsts], readings[firsts], stamps[firsts], np.less)
-                _keep(*high, buckets[lasts], readings[lasts], stamps[lasts], np.greater)
-
-    def lines(self) -> list[Line]:
-        """Return the vertices of each channel in time order."""
-        return [_line(*rows) for rows in zip(self._low, self._low_ns, self._high, self._high_ns, strict=True)]
+    start_ns, end_ns, buckets = time
+    good = np.flatnonzero(np.isfinite(values))
+    bucket = np.clip((stamps_ns[good] - start_ns) * buckets // max(end_ns - start_ns, 1), 0, buckets - 1)
+    order = np.lexsort((values[good], bucket))
+    first = np.flatnonzero(np.diff(bucket[order], prepend=-1))
+    last = np.append(first, len(order))[1:] - 1
+    rows = good[np.unique(order[np.concatenate([first, last])])]
+    rows = rows[np.argsort(stamps_ns[rows], kind="stable")]
+    return Line(stamps_ns[rows], values[rows])
 
 
-def _keep(kept: Array, kept_ns: Stamps, buckets: Counts, readings: Array, stamps_ns: Stamps, better: np.ufunc) -> None:
-    replaced = better(readings, kept[buckets])
-    kept[buckets[replaced]], kept_ns[buckets[replaced]] = readings[replaced], stamps_ns[replaced]
-
-
-def _line(low: Array, low_ns: Stamps, high: Array, high_ns: Stamps) -> Line:
-    filled = np.isfinite(low)
-    second = filled & ((low_ns != high_ns) | (low != high))  # a bucket with one reading has one vertex
-    stamps = np.concatenate([low_ns[filled], high_ns[second]])
-    order = np.argsort(stamps, kind="stable")
-    return Line(stamps[order], np.concatenate([low[filled], high[second]])[order])
-
-
+Curves = dict[str, dict[str, Array]]
+"""Values (n,) by curve and channel."""
 Lines = dict[str, dict[str, Line]]
 """Lines by curve and channel. The key of a curve is its kind; of one of several sensors, ``kind of name``."""
 
 
 class Collector:
-    """Collects the messages of one topic; 4096 rows are processed at once, which is fast and bounds memory.
+    """Collects the numbers of one topic's messages, packed, and makes curves of them.
 
     ``sensor`` is the name of one of several sensors of its kind, else empty.
     """
 
-    def __init__(self, time: Time, channels: Mapping[str, Sequence[str]], sensor: str = "") -> None:
-        self._channels, self.sensor = channels, sensor
-        self._decimators = {curve: Decimator(len(names), *time) for curve, names in channels.items()}
+    def __init__(self, sensor: str = "") -> None:
+        self.sensor = sensor
         self._stamps, self._values = array("q"), array("d")
 
     def row(self, message: Any) -> Row:
         """Return the numbers of a message that are used."""
         raise NotImplementedError
 
+    def curves(self, rows: Array) -> Curves:
+        """Return the curves of rows of such numbers."""
+        raise NotImplementedError
+
+    def is_valid(self, rows: Array) -> Mask:
+        """Say for each row whether it counts."""
+        return np.ones(len(rows), np.bool_)
+
     def add(self, stamp_ns: int, row: Row) -> None:
         """Add the numbers of a message."""
         self._stamps.append(stamp_ns)
         self._values.extend(row)
-        if len(self._stamps) >= _BLOCK:
-            self._flush()
 
-    def lines(self) -> Lines:
-        """Return the decimated lines."""
-        self._flush()
+    def rows(self) -> tuple[Stamps, Array]:
+        """Return the stamps (n,) and the numbers (n, c) of all rows that count."""
+        stamps = np.array(self._stamps, np.int64)
+        rows = np.array(self._values, np.float64).reshape(len(stamps), -1)
+        good = self.is_valid(rows) if len(rows) else np.zeros(0, np.bool_)
+        return stamps[good], rows[good]
+
+    def lines(self, time: Time) -> Lines:
+        """Return the curves with few vertices; none without a row that counts."""
+        stamps, rows = self.rows()
+        of = f" of {self.sensor}" if self.sensor else ""
         return {
-            self._key(curve): dict(zip(names, self._decimators[curve].lines(), strict=True))
-            for curve, names in self._channels.items()
+            curve + of: {name: decimated(stamps, values, time) for name, values in channels.items()}
+            for curve, channels in (self.curves(rows) if len(rows) else {}).items()
         }
-
-    def _key(self, curve: str) -> str:
-        return f"{curve} of {self.sensor}" if self.sensor else curve
-
-    def _flush(self) -> None:
-        if self._stamps:
-            stamps = np.array(self._stamps, np.int64)
-            rows = np.array(self._values, np.float64).reshape(len(stamps), -1)
-            self._stamps, self._values = array("q"), array("d")
-            good = self._valid(rows)
-            if good.any():
-                for curve, values in self._convert(stamps[good], rows[good]).items():
-                    self._decimators[curve].add(stamps[good], values)
-
-    def _valid(self, rows: Array) -> Mask:
-        return np.ones(len(rows), np.bool_)
-
-    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
-        """Return the channels (n, c) of each curve."""
-        raise NotImplementedError
 
 
 class Motion(Collector):
@@ -151,13 +117,10 @@ class Motion(Collector):
     Speed [m/s]; roll and pitch [deg]; heading [deg], 0 along x, which is north; height [m].
     """
 
-    def __init__(self, time: Time, *, from_model_states: bool) -> None:
-        channels = {SPEED: ["speed"], TILT: ["roll", "pitch"], HEADING: ["heading"], HEIGHT: ["height"]}
-        super().__init__(time, channels)
+    def __init__(self, *, from_model_states: bool) -> None:
+        super().__init__()
         self.from_model_states = from_model_states
         self._states = ModelStatesReader()
-        self._yaw = 0.0
-        self._pose_stamps, self._poses = array("q"), array("d")
 
     def row(self, message: Any) -> Row:
         """Position, quaternion (x, y, z, w), linear velocity."""
@@ -169,84 +132,85 @@ class Motion(Collector):
         v = message.twist.twist.linear
         return p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z
 
-    def _valid(self, rows: Array) -> Mask:
+    def is_valid(self, rows: Array) -> Mask:
+        """Say which rows are finite and have a quaternion."""
         return np.isfinite(rows).all(axis=1) & np.asarray(np.linalg.norm(rows[:, 3:7], axis=1) > 1e-6)
 
-    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
-        roll, pitch, yaw = Rotation.from_quat(rows[:, 3:7]).as_euler("xyz").T  # about fixed axes, like frames.pose
-        yaw = np.unwrap(np.append(self._yaw, yaw))[1:]  # no jump at south
-        self._yaw = float(yaw[-1])
-        for stamp, row in zip(stamps_ns.tolist(), rows[:, :7], strict=True):
-            if not self._pose_stamps or stamp - self._pose_stamps[-1] >= _POSE_INTERVAL:
-                self._pose_stamps.append(stamp)
-                self._poses.extend(row.tolist())
+    def curves(self, rows: Array) -> Curves:
+        """Speed, tilt, heading and height."""
+        roll, pitch, yaw = Rotation.from_quat(rows[:, 3:7]).as_euler("xyz").T  # about fixed axes, like transforms.pose
         return {
-            SPEED: np.linalg.norm(rows[:, 7:10], axis=1, keepdims=True),
-            TILT: np.degrees(np.column_stack([roll, pitch])),
-            HEADING: np.degrees(yaw)[:, None],
-            HEIGHT: rows[:, 2:3],
+            SPEED: {"speed": np.linalg.norm(rows[:, 7:10], axis=1)},
+            TILT: {"roll": np.degrees(roll), "pitch": np.degrees(pitch)},
+            HEADING: {"heading": np.degrees(np.unwrap(yaw))},  # no jump at south
+            HEIGHT: {"height": rows[:, 2]},
         }
 
     def trajectory(self) -> Trajectory | None:
         """Return poses at least 19 ms apart, or None without a valid pose."""
-        self._flush()
-        if not self._pose_stamps:
-            return None
-        poses = np.array(self._poses, np.float64).reshape(-1, 7)
-        quaternion = poses[:, [6, 3, 4, 5]]
+        stamps, rows = self.rows()
+        kept: list[int] = []
+        for k, stamp in enumerate(stamps.tolist()):
+            if not kept or stamp - stamps[kept[-1]] >= _POSE_INTERVAL:
+                kept.append(k)
+        quaternion = rows[kept][:, [6, 3, 4, 5]] if kept else np.zeros((0, 4))
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-        return Trajectory(np.array(self._pose_stamps, np.int64), poses[:, :3], quaternion)
+        return Trajectory(stamps[kept], rows[kept, :3], quaternion) if kept else None
 
 
 class Inertial(Collector):
     """sensor_msgs/Imu in its own frame: angular velocity [rad/s] and acceleration [m/s^2]."""
-
-    def __init__(self, time: Time, sensor: str = "") -> None:
-        super().__init__(time, {TURNING: "xyz", ACCELERATION: "xyz"}, sensor)
 
     def row(self, message: Any) -> Row:
         """Angular velocity, linear acceleration."""
         w, a = message.angular_velocity, message.linear_acceleration
         return w.x, w.y, w.z, a.x, a.y, a.z
 
-    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
-        return {TURNING: rows[:, :3], ACCELERATION: rows[:, 3:]}
+    def curves(self, rows: Array) -> Curves:
+        """Both, by axis."""
+        return {
+            TURNING: dict(zip("xyz", rows[:, :3].T, strict=True)),
+            ACCELERATION: dict(zip("xyz", rows[:, 3:].T, strict=True)),
+        }
 
 
 class Fixes(Collector):
     """sensor_msgs/NavSatFix as north, east, up [m] from the first fix."""
 
-    def __init__(self, time: Time, sensor: str = "") -> None:
-        super().__init__(time, {GNSS: ["north", "east", "up"]}, sensor)
-        self.first: tuple[float, float, float] | None = None
-
     def row(self, message: Any) -> Row:
         """Latitude, longitude [deg], height [m]."""
         return message.latitude, message.longitude, message.altitude
 
-    def _valid(self, rows: Array) -> Mask:
+    def is_valid(self, rows: Array) -> Mask:
+        """Say which rows are finite and on the globe."""
         return np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 0]) <= 90.0)
 
-    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
-        latitude, longitude, height = rows.T
-        if self.first is None:
-            self.first = float(latitude[0]), float(longitude[0]), float(height[0])
-        east, north, up = pymap3d.geodetic2enu(latitude, longitude, height, *self.first)
-        return {GNSS: np.column_stack([north, east, up])}
+    @property
+    def first(self) -> Row | None:
+        """The first fix."""
+        rows = self.rows()[1]
+        return tuple(rows[0].tolist()) if len(rows) else None
+
+    def curves(self, rows: Array) -> Curves:
+        """Distances from the first fix."""
+        east, north, up = pymap3d.geodetic2enu(*rows.T, *rows[0])
+        return {GNSS: {"north": north, "east": east, "up": up}}
 
 
 class Wheel(Collector):
-    """std_msgs/Float32 with the angular speed [rad/s] of one wheel; ``name`` is its channel."""
+    """std_msgs/Float32 with the angular speed [rad/s] of one wheel; ``channel`` is its name."""
 
-    def __init__(self, time: Time, name: str) -> None:
-        super().__init__(time, {WHEELS: [name]})
+    def __init__(self, channel: str) -> None:
+        super().__init__()
+        self.channel = channel
 
     def row(self, message: Any) -> Row:
         """Angular speed."""
         return (message.data,)
 
-    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
-        return {WHEELS: rows}
+    def curves(self, rows: Array) -> Curves:
+        """One channel."""
+        return {WHEELS: {self.channel: rows[:, 0]}}
 
 
 class _Kind(NamedTuple):
@@ -266,7 +230,7 @@ _KINDS: Final = {
     HEIGHT: _Kind("Height", "m", "base_link", "ground truth", 0.5),
     TURNING: _Kind("Angular velocity", "rad/s", "the IMU", "in its own frame", 0.1),
     ACCELERATION: _Kind("Acceleration", "m/s²", "the IMU", "in its own frame, including gravity", 1.0),
-    WHEELS: _Kind("Wheel speed", "rad/s", "the four tachometers", "", 0.5),
+    WHEELS: _Kind("Wheel speed", "rad/s", "the tachometers", "", 0.5),
     GNSS: _Kind("GNSS", "m", "", "from the first fix", 0.5),
 }
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of a page: key figures, class shares, calibration, topics, checksums."""
+"""Tables of a page: key figures, class shares, calibration, topics, checksums, and programs that load the run."""
 
 import math
 import shlex

@@ -2,23 +2,102 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layout of a preview sheet: title, aerial view, camera images with labels, cloud, class shares."""
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import CLASSES, SemanticClass
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.maps import distance_along
-from fieldtruth.report.drawing.style import MUTED, PIXELS, POINTS
-from fieldtruth.report.preview.chart import draw_shares
+from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, PIXELS, POINTS, class_colour, percent
 from fieldtruth.report.preview.content import SheetContent
 from fieldtruth.report.preview.map import WAYPOINT_RADIUS, badge, draw_map
-from fieldtruth.report.preview.paper import Paper
+from fieldtruth.report.shares import ClassShares
 from fieldtruth.sensors.camera.labels import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
+
+
+class Paper:
+    """A white sheet of ``width`` x ``height`` [inch], drawn ``pixels`` wide; positions are from its upper left corner.
+
+    It uses matplotlib's figure without pyplot, so that no global state changes, and the font of matplotlib.
+    """
+
+    def __init__(self, width: float, height: float, pixels: int) -> None:
+        self.width, self.height = width, height
+        self.figure = Figure(figsize=(width, height), dpi=pixels / width, facecolor="white")
+        self._canvas = FigureCanvasAgg(self.figure)
+
+    def _axes(self, left: float, top: float, width: float, height: float) -> Axes:
+        """Add an empty drawing area whose upper left corner is at ``left``, ``top``."""
+        box = (left / self.width, 1.0 - (top + height) / self.height, width / self.width, height / self.height)
+        axes = self.figure.add_axes(box)
+        axes.set_axis_off()
+        return axes
+
+    def image_at(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
+        """Draw an image (h, w, 3) into a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
+        axes = self._axes(left, top, width, height)
+        axes.imshow(image, aspect="auto", interpolation="antialiased")
+        axes.set_autoscale_on(False)
+        return axes
+
+    def text(self, left: float, baseline: float, content: str, size: float = 8.0, **options: Any) -> float:
+        """Write text of ``size`` [point] with options of matplotlib's text; return its width [inch]."""
+        style: dict[str, Any] = {"color": INK, "family": FONT, "va": "baseline"} | options
+        written = self.figure.text(left / self.width, 1.0 - baseline / self.height, content, fontsize=size, **style)
+        renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
+        return float(written.get_window_extent(renderer).width / self.figure.dpi)
+
+    def box(self, left: float, top: float, width: float, height: float, colour: str, **options: Any) -> None:
+        """Draw a filled rectangle with options of matplotlib's Rectangle."""
+        corner = (left / self.width, 1.0 - (top + height) / self.height)
+        size = (width / self.width, height / self.height)
+        style: dict[str, Any] = {"facecolor": colour, "linewidth": 0.0} | options
+        self.figure.add_artist(Rectangle(corner, *size, transform=self.figure.transFigure, **style))
+
+    def render(self) -> NDArray[np.uint8]:
+        """Return the sheet as an image (h, w, 3)."""
+        self._canvas.draw()  # type: ignore[no-untyped-call]
+        return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+
+
+_NAME: Final = 1.52  # [inch] for swatch and name
+_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
+_BAR: Final = 0.092  # [inch]
+
+
+def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, width: float, height: float) -> None:
+    """Fill a box with a row for each class that occurs."""
+    rows = list(occurring_classes(shares))
+    longest = max((max(share) for _, *share in rows), default=0.0) or 1.0
+    pitch = min(height / max(len(rows), 1), 0.5)
+    paper.box(left + _NAME, top, 0.006, pitch * len(rows), HAIRLINE)
+    for k, (row, *share) in enumerate(rows):
+        middle = top + (k + 0.5) * pitch
+        paper.box(left, middle - 0.085, 0.25, 0.17, class_colour(row.label), edgecolor=HAIRLINE, linewidth=0.6)
+        paper.text(left + 0.36, middle + 0.042, row.name, 8.2)
+        for value, colour, offset in zip(share, (PIXELS, POINTS), (-_BAR - 0.008, 0.008), strict=True):
+            length = (width - _NAME - _VALUE) * value / longest
+            end, ink = left + _NAME + length + 0.06, INK if value else MUTED
+            paper.box(left + _NAME, middle + offset, length, _BAR, colour)
+            paper.text(end, middle + offset + 0.077, percent(value, 1), 5.9, color=ink)
+
+
+def occurring_classes(shares: ClassShares) -> Iterator[tuple[SemanticClass, float, float]]:
+    """Classes with at least one pixel or point, each with its share of pixels and of points."""
+    for row, pixels, points in zip(CLASSES, shares.pixel_share, shares.point_share, strict=True):
+        if pixels or points:
+            yield row, float(pixels), float(points)
+
 
 WIDTH: Final = 12.0  # [inch], like all lengths below
 _EDGE: Final = 0.45

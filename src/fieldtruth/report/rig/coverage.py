@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the cameras and LiDARs of a rig see of flat ground around the robot, and where they are blind."""
+"""Flat ground around the robot that the cameras and LiDARs of a rig see, and where they are blind."""
 
 from dataclasses import dataclass
 from typing import Final

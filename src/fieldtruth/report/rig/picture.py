@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One picture of a rig: the robot from the side and from above, and a plan of the ground that its sensors see."""
+"""A picture of a rig: the robot from two sides with frames and fields of view, and a plan of the ground in view."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
@@ -17,7 +17,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
-from fieldtruth.report.preview.paper import Paper
+from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.report.rig.coverage import (
     Coverage,
     SensorView,

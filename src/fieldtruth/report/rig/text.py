@@ -1,6 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tree of a rig's frames and a table of its sensors, as text."""
+"""The rig as text: tree of frames, table of sensors, URDF, and camchain.yaml and imu.yaml of Kalibr.
+
+- The URDF has the robot and the frames of its sensors, for RViz, robot_state_publisher and calibration tools. It has
+  no plugins: the description that simulates the sensors in Gazebo is that of ``fieldtruth gazebo``.
+- Kalibr's files follow its wiki, "yaml formats". It counts pixels as ROS and OpenCV do: the centre of the first is
+  (0, 0), as it starts its search for the principal point at (columns - 1) / 2. A pinhole is written as radtan with four
+  zeros, which every version of Kalibr reads.
+- Kalibr refuses a noise of zero (``ConfigReader.py``, ``checkGyroStatistics``), and knows no bias instability and no
+  axes. So of three densities the largest is written, and where there is no random walk, one that is as large as the
+  bias instability: its Allan deviation K sqrt(tau / 3) meets the flat bottom B at the averaging time (N / B)^2 at which
+  white noise does, K = sqrt(3) B^2 / N. Where a sensor has neither, or no noise at all, ``LEAST`` is written.
+"""
 
 import math
 import warnings

@@ -48,7 +48,7 @@ from fieldtruth.core.geodesy import (
     geodetic_from_world,
     world_from_geodetic,
 )
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.controller import antenna_geodetic
 from fieldtruth.drive.track import STEP_NS, GnssFixes, GnssReadings, Motion, steps_at_rate
 from fieldtruth.kernels.gnss import LEAF, OPAQUE, OPEN, trace_paths

@@ -53,6 +53,8 @@ class Gnss(MotionSensor):
 
 
 def _line(name: str, fixes: GnssFixes) -> str:
+    if not len(fixes.status):
+        return f"- GNSS receiver `{name}`: no reading was due."
     found, middle = fixes.status >= 0, int(np.median(fixes.satellites))
     line = f"- GNSS receiver `{name}`: {fixes.satellites.min()} to {fixes.satellites.max()} satellites, median {middle}"
     if not found.any():

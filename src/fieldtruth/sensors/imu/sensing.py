@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.core.random import GaussMarkov
 from fieldtruth.core.transforms import (
     quaternion_wxyz_from_rotation,
     rotation_from_quaternion_wxyz,

@@ -35,7 +35,7 @@ Trails = Annotated[tuple[Corners, ...], Field(description="a list of lines, each
 
 
 class GroundConfig(Frozen):
-    """What all layouts share: the size of the world, the terrain's grid and the roughness of its ground."""
+    """Keys of all layouts: the size of the world, the terrain's grid and the roughness of its ground."""
 
     grounds: ClassVar[tuple[str, ...]]
     """Ground types of the environment."""

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dead wood: snags (standing dead trees), fallen trunks and stumps, with patches of bark and broken ends."""
+"""Dead wood: snags (standing dead trees), fallen trunks, stumps, and fallen twigs on a forest's floor.
+
+Trunks have bark that has come off in patches, moss on top, splintered ends, and uprooted root plates.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

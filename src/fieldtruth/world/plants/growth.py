@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Growth of the skeleton: every stem of a plant as a tapering polyline, vectorized over all stems of an order.
+"""Growth of the skeleton, every stem of a plant as a tapering polyline, and the surface around it.
 
-After Weber and Penn (1995): a stem sprouts from its parent at an angle, its length follows from the crown's outline or
-from its parent's length, its radius from its length. Unlike theirs, with fixed curvature, the direction of a stem does
-a random walk with a pull up or down, which gives crooked limbs and hanging twigs. Stems that would dip below the clear
-height are pruned.
+Stems are vectorized over all of an order. After Weber and Penn (1995): a stem sprouts from its parent at an angle, its
+length follows from the crown's outline or from its parent's length, its radius from its length. Unlike theirs, with
+fixed curvature, the direction of a stem does a random walk with a pull up or down, which gives crooked limbs and
+hanging twigs. Stems that would dip below the clear height are pruned.
+
+The surface is tapered tubes about the stems, wider at the roots, with bark that tiles at the seam.
 """
 
 from collections.abc import Sequence
@@ -275,6 +277,13 @@ def _sheared(orders: list[Stems], radius: float, height: float, rng: np.random.G
 BARK_REPEAT: Final = 0.6  # [m] of bark per repeat of the texture on thick stems
 SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around is smaller than this
 Surface = tuple[Array, Array, Array, NDArray[np.int32]]
+
+
+def gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int]]) -> Surface:
+    """One surface of ``n`` shapes of ``k`` vertices (n, k, ...), each with the faces of ``pattern``."""
+    n, k, _ = vertices.shape
+    faces = k * np.arange(n)[:, None, None] + np.array(pattern)
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
 
 
 def merged(

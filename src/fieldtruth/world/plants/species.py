@@ -1,11 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of trees and bushes: how stems branch, bend and taper, and what the leaves look like.
+"""Species as data, and habits of individuals: trees and bushes of stems and leaves, grasses and herbs of blades.
 
 The parameters are those of Weber and Penn, "Creation and Rendering of Realistic Trees" (SIGGRAPH 1995), reduced to what
 these plants need. They count branches per stem; here, counts are of the whole plant, and each stem gets a share by its
 length, so that the number of triangles hardly differs between individuals. Forms follow field guides; the numbers were
 set by eye. Leaves have their real size.
+
+A habit changes for an individual, for a tree in a stand, and for a plant with fewer triangles. Blades of grass are up
+to twice as wide as in nature, and fewer by the same factor.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,7 +25,7 @@ from fieldtruth.world.library import Entry, Library, validated
 
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 GrownIn = Literal["open", "stand", "exposed"]
-"""Where a tree grew up: in the open, in a forest stand, or on a windy, stony slope."""
+"""Surroundings of a growing tree: in the open, in a forest stand, or on a windy, stony slope."""
 
 _OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
@@ -46,7 +49,7 @@ def outline_ratio(outline: Outline, ratio: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """How the stems of one order grow on those of the order before: order 1 on the trunk, order 2 on the limbs, ...
+    """Growth of the stems of one order on those of the order before: order 1 on the trunk, order 2 on the limbs, ...
 
     Pairs are (value at the base, value at the tip): of the parent for ``angle``, of the stem itself for ``lift``.
     """
@@ -131,7 +134,7 @@ class Habit:
 
 @dataclass(frozen=True, kw_only=True)
 class Stand:
-    """How a tree in a forest stand differs from one in the open; the last three replace values of the habit.
+    """Differences of a tree in a forest stand from one in the open; the last three replace values of the habit.
 
     ``slim`` and ``reach`` were set so that the trees have a height of 65 to 95 diameters, as in yield tables for dense
     stands, and crowns as narrow as there (tests/world/test_forest_inventory.py has ranges and sources).

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves: single blades on stalks along the twigs, each of two or four triangles, and sprays of needles.
+"""Trees and bushes of a species: stems, leaves and flowers in one mesh, with its collider and footprint.
 
-At full detail leaves have their real size and number: 60,000 to 100,000 on a large tree. With less detail they are
-fewer and larger, of the same form and total area, each in the middle of those that it stands for. A blade turns its
-upper side up and outwards to the light and droops a little. Shading normals are the blade's own, blended with the
-outward normals of the crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise (Luft,
-Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with
-ellipsoids instead of their implicit surfaces).
+Leaves are single blades on stalks along the twigs, each of two or four triangles, and sprays of needles. At full detail
+leaves have their real size and number: 60,000 to 100,000 on a large tree. With less detail they are fewer and larger,
+of the same form and total area, each in the middle of those that it stands for. A blade turns its upper side up and
+outwards to the light and droops a little. Shading normals are the blade's own, blended with the outward normals of the
+crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise (Luft, Balzer and Deussen,
+"Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with ellipsoids instead of
+their implicit surfaces).
+
+A bush in bloom: some of its leaves, in patches on the outside, become flowers.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +26,7 @@ from fieldtruth.world.plants.growth import (
     Stems,
     Surface,
     dry_branches,
+    gathered,
     grow_skeleton,
     merged,
     sideways,
@@ -116,7 +120,7 @@ def _outward(points: Array, limb: Index) -> Array:
     return unit(crown + clump)
 
 
-def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> Surface:
     """Vertices (k m, 3) [m], normals, uv and faces of blades with k corners: base, left, tip, right downwards.
 
     A kite has 4 corners, a rounded blade 6. v is along the midrib. Outlines vary between blades and
@@ -156,12 +160,10 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
     normals = unit((1 - blend) * own + blend * outward)
     fan = [[0, k + 1, k] for k in range(1, corners - 1)]
-    faces = corners * np.arange(m)[:, None, None] + np.array(fan)
-    uvs = np.broadcast_to(uv, (m, corners, 2))
-    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
+    return gathered(vertices, normals, np.broadcast_to(uv, (m, corners, 2)), fan)
 
 
-def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> Surface:
     """Sprays: pointed prongs side by side, the outer ones shorter and bent a little off the plane."""
     m, k = len(leaves.length), form.prongs
     rank = np.arange(k) - 0.5 * (k - 1)

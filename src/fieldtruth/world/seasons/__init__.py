@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a season changes in each material, from the ``seasons`` sections of the data files."""
+"""Seasons: what a built world looks like in spring, autumn or winter, after drought, and below snow.
+
+Environments build the world of summer; `change.in_season` turns it into that of another season by the table of changes
+of materials here (``seasons`` sections of the data files). Positions, stems and ground stay the same in all seasons.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +32,7 @@ USUAL: Final = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """What a season changes in a material, relative to summer."""
+    """Change of a material in a season, relative to summer."""
 
     kept: Share = 1.0  # share of the leaves or blades that are still there
     kept_young: Share | None = None  # the same on young trees

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the world of summer to that of another season."""
+"""From the world of summer to that of another season.
+
+In early spring anemones flower where herbs, ferns and seedlings of a wood grow, before the leaves shade them.
+"""
 
 import zlib
 from collections.abc import Mapping, Sequence

@@ -1,8 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The fine twigs that leaves hide: meshes have a surface for the thickest only, and a bare crown needs the others.
+"""Leaves in a season: fewer, of several colours, withered; the fine twigs that they hid; and those that fell.
 
-Each carries a leaf in summer: it grows from the wood nearest to it, out to where the leaf was.
+A leaf is what its triangles connect. Every leaf has a rank by which it falls, with the same random numbers in all
+seasons, so that those of winter are some of those of autumn.
+
+Meshes have a surface for the thickest twigs only, and a bare crown needs the others. Each carries a leaf in summer: it
+grows from the wood nearest to it, out to where the leaf was.
+
+Fallen leaves are single ones on the ground below the crowns that lost them, and a share of them in its texture. A
+fallen leaf has the class of the ground that its middle lies on: trail on a trail, ground elsewhere.
 """
 
 import zlib
@@ -108,7 +115,7 @@ def _needles(foot: Array, tip: Array, thinnest: float) -> Surface:
 
 
 PATCHY: Final = 0.6
-"""How much leaves that are near each other fall and turn together, against 1 for each leaf on its own."""
+"""Weight with which neighbouring leaves fall and turn together, against 1 for each leaf on its own."""
 
 MOST_SWAPS: Final = 3  # waves of the noise
 
@@ -285,7 +292,7 @@ _UV: Final = np.array([[0.5, 0.03], [0.04, 0.45], [0.5, 0.97], [0.96, 0.45]], np
 
 @dataclass(frozen=True)
 class LeafFall:
-    """Where the leaves of a species fell: share (nx, ny) of a closed canopy's leaves."""
+    """Fallen leaves of a species: share (nx, ny) of a closed canopy's leaves."""
 
     species: Species
     density: Raster

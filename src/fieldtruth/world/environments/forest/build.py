@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The dense forest (paper, 2.2.3): trees on uneven ground, two trails, high grass, stones, bushes, fallen trunks."""
+"""The dense forest (paper, 2.2.3): trees on uneven ground, two trails, high grass, stones, bushes, fallen trunks.
+
+Its soil has pits, mounds and roots, its trails are trodden and rutted; needles, leaves and moss cover it. Field stones
+lie in groups, with small stones around them.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,6 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plants of the forest: trees of all ages, bushes and grass where there is light, ferns in the shade."""
+"""Plants of the forest: trees of all ages, bushes and grass where there is light, ferns in the shade, the understorey.
+
+Each tree of the closed stand is where its crown catches most of the light that the others let pass. Crowns of real
+stands grow into gaps and away from neighbours (Muth and Bazzaz 2003, from memory), so that they close the canopy;
+crowns at random positions with the same leaf area leave a quarter of the ground without any.
+
+Below the trees are natural regeneration, bilberry, brambles and fallen twigs. The forest is a woodrush beech forest
+(Luzulo-Fagetum, habitat 9110) that was planted with spruce and pine and turns back: beech and spruce germinate in
+groups where some light falls, thousands to the hectare; dwarf shrubs, ferns and grass cover a part of the acid soil,
+needles and leaves the rest.
+
+Beyond the world's edge are some rows of trees, and behind them the canopy over the hills.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

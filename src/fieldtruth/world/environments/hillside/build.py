@@ -16,15 +16,12 @@ from fieldtruth.world.backdrop import height_beyond, make_backdrop, scatter_beyo
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.ground import Ground, as_terrain, make_ground
 from fieldtruth.world.grids import Line, solid_noise
-from fieldtruth.world.model import Heightfield, Instance, Mesh, World
+from fieldtruth.world.model import Heightfield, Mesh, World
 from fieldtruth.world.placement import (
     Density,
     FarSwarm,
     ObjectGroup,
     WorldBuilder,
-    eased,
-    place_until_count,
-    random_tint,
     tilted,
     upright_pose,
 )
@@ -90,17 +87,10 @@ def _scatter(
     darts = builder.random_positions(TRIES, rng)
     hits = darts[rng.random(TRIES) < density(darts)]
 
-    def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
-        mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
-        radius = mesh.footprint * scale
-        if not apart or not builder.is_free(xy, radius):
-            return None
-        pose = _stem_pose(builder.field, xy, float(rng.uniform(0, 2 * np.pi)), scale, tilt)
-        return builder.add(group.kind, mesh, pose, [(*xy, radius)], tint=random_tint(rng, group.tint))
+    def pose(xy: Array, yaw: float, scale: float) -> Array:
+        return _stem_pose(builder.field, xy, yaw, scale, tilt)
 
-    group.check_complete(
-        place_until_count(group.count, hits, attempt, spacings=eased(group.spacing, (1.0, 0.7, 0.4, 0.0)))
-    )
+    builder.place(group, rng, hits, eases=(1.0, 0.7, 0.4, 0.0), pose=pose)
 
 
 def _stem_pose(field: Heightfield, xy: Array, yaw: float, scale: float, tilt: float) -> Array:

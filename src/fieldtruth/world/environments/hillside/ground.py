@@ -3,6 +3,11 @@
 """Ground of the hillside: heights, and a cover of turf, stony soil, scree and bare rock.
 
 The same fields decide where stones lie and plants grow: stones in the scree, grass in the turf.
+
+Heights of a mountain's flank: valley on one side, summits on the other, gullies that start above the world.
+
+Three grids, each finer and smaller than the one before, are eroded, and each takes its shape from the coarser one: the
+region down to the horizon (10 m), the surroundings of the world (1 m), and the world itself.
 """
 
 from collections.abc import Sequence

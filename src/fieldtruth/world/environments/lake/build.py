@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lake's shore (paper, 2.2.2): a lake, its shore, high grass, bushes and trees, two power poles with their wires.
 
-The ground is a few metres above the water and descends to it over beaches and scarps.
+The ground is a few metres above the water and descends to it over beaches and scarps. Plants are distributed by the
+distance to the water and in groves and swathes. The power line crosses the world and goes on beyond its edge, a row of
+poles with four wires from each to the next. Far shores have groves, woods and grass.
 """
 
 from collections.abc import Callable, Sequence
@@ -174,7 +176,7 @@ def plant_grass(builder: WorldBuilder, shore: Shore, config: Config, rng: np.ran
 
 
 def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> dict[str, Density]:
-    """Where each group of grass and herbs grows."""
+    """Density of each group of grass and herbs, as a function of positions."""
     beds, swathe, thin = (noise_map(builder.size, wavelength, rng) for wavelength in (16.0, 9.0, 5.0))
 
     def depth(xy: Array) -> Array:

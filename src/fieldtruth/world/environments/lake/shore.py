@@ -3,7 +3,10 @@
 """The shape of a lake's shore: where the water's edge runs, and the ground above and below the water.
 
 The height depends on the distance to the water's edge: a beach or a scarp, then the bank, which flattens into the
-meadow; under water a shelf, then the slope down to the bed.
+meadow; under water a shelf, then the slope down to the bed. The land beyond the world's edge continues the near shore
+and has a far shore and hills.
+
+The cover is rough grass, bare earth on the scarps, mud and pebbles at the water.
 """
 
 from collections.abc import Callable, Sequence

@@ -125,7 +125,7 @@ def _random_bed(species: str, centre: Array, meshes: Sequence[Mesh], rng: np.ran
 
 
 def _is_free(builder: WorldBuilder, bed: Bed, beds: Sequence[Bed]) -> bool:
-    """Whether the bed is in the world, outside trails, corridors and other beds, and contains no object."""
+    """Return True if the bed is in the world, outside trails, corridors and other beds, and contains no object."""
     rim = bed.outline(0.3)
     inside = (np.abs(rim) < np.array(builder.size) / 2 - 0.6).all()
     apart = all(np.hypot(*np.subtract(bed.centre, b.centre)) > bed.radius + b.radius + 0.8 for b in beds)

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
+"""The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins.
+
+The ground has gentle swells; lawn, litter below crowns, mulch in beds, trails with a border. Trees are at crown's
+distance; flowers grow in the beds, and long grass where it is not mown.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Final
