@@ -19,21 +19,10 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.kernels.camera import tonemap
 from fieldtruth.kernels.camera_rays import BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
-from fieldtruth.kernels.gbuffer import (
-    _fetch_faces,
-    _fetch_vertices,
-    _mesh_light,
-    _shade_surfaces,
-    _terrain_colours,
-    _terrain_light,
-    _terrain_normals,
-    _terrain_shares,
-    hits_on,
-)
 from fieldtruth.kernels.light import Shading, dim
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import Framebuffer, find_edges, store
-from fieldtruth.kernels.shading import _illuminate, _share_sun
+from fieldtruth.kernels.shading import PASSES, shade_hits
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import Camera
@@ -41,56 +30,25 @@ from fieldtruth.world.build import world_of
 
 ENVIRONMENTS: Final = ("park", "lake", "forest", "hillside")
 TRIES: Final = 3
-STEPS: Final = (
-    "rays through the pixels",
-    "labels",
-    "ground: normals",
-    "ground: shares of sun and open air, contact shadows",
-    "ground: relief along the ray, textures, wear, puddles",
-    "ground: light of the volume",
-    "meshes: faces and vertices",
-    "meshes: textures, age, veins",
-    "meshes: light of the volume",
-    "shadows of the sun on wood, rock and furniture",
-    "sun, sky, translucency, highlights",
-    "air",
-)
+_ALL: Final = len(PASSES)
+STEPS: Final = ("rays through the pixels", "labels", *PASSES, "air")
 
 
 def render_until(shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers, last: int) -> None:
     """Render the pixels' centres with the first steps of ``STEPS``, up to number ``last``; without water and wires."""
     buffers, linear, _ = framebuffer
     height, width, _ = linear.shape
-    batch, scratch, out, pixel = buffers.batch, buffers.scratch, buffers.gbuffer, np.float32(1.0 / view.pinhole.fx)
-    rows, face = scratch.rows, scratch.face
+    batch, pixel = buffers.batch, 1.0 / view.pinhole.fx
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
             count = set_pixel_block(upper, left, height, width, batch.image)
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, batch, count)
             if last >= 1:
                 label_pixels(shading.hits, batch, count, labels)
-            found = hits_on(batch.top, count, True, rows) if last >= 2 else 0
             if last >= 2:
-                _terrain_normals(shading.materials.surface, batch, rows, found, pixel, out)
-            if last >= 3:
-                _terrain_shares(shading, batch, rows, found, scratch.descent, scratch.hollow, out)
-            if last >= 4:
-                _terrain_colours(shading, batch, rows, found, pixel, scratch.descent, scratch.hollow, out)
-            if last >= 5:
-                _terrain_light(shading.light, batch, rows, found, scratch.probe, out)
-            if last >= 6:
-                found = hits_on(batch.top, count, False, rows)
-                _fetch_faces(shading.hits, shading.surfaces, batch, rows, found, pixel, face, scratch.texels)
-                _fetch_vertices(shading, batch, rows, found, face, out)
-            if last >= 7:
-                _shade_surfaces(shading, batch, rows, found, pixel, face, scratch.texels, out)
-            if last >= 8:
-                _mesh_light(shading, batch, rows, found, face, scratch.probe, out)
-            if last >= 9:
-                _share_sun(shading, buffers.shadow, buffers.shadow_rows, batch, count, pixel, out)
-            if last >= 10:
-                _illuminate(batch, count, out, shading.light, shading.exposure, buffers.colour)
-            if last >= 11:
+                passes, out = min(last - 1, _ALL), (buffers.gbuffer, buffers.colour)
+                shade_hits(shading, buffers, batch, count, pixel, out, passes)
+            if last > 1 + _ALL:
                 dim(shading, batch, count, buffers.colour)
                 store(batch.image, buffers.colour, count, linear)
 

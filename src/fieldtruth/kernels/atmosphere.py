@@ -101,8 +101,7 @@ def fill_higher_orders(depths: Array, directions: Array, out: Array) -> None:
 
     Each point gets in all directions the mean of what the directions about it send (Hillaire 2020, equation 5).
     """
-    count, waves = len(directions), depths.shape[1]
-    steps, uniform = 16, 1.0 / (4.0 * np.pi)
+    count, waves, steps, uniform = len(directions), depths.shape[1], 16, 1.0 / (4.0 * np.pi)
     column, passed, second, again = np.zeros(3), np.zeros(waves), np.zeros(waves), np.zeros(waves)
     for i in range(HEIGHTS):
         height = max(TOP * (i / (HEIGHTS - 1.0)) ** 2, 0.001)
@@ -120,8 +119,7 @@ def fill_higher_orders(depths: Array, directions: Array, out: Array) -> None:
                 for step in range(steps):
                     near, far = length * (step / steps) ** 2, length * ((step + 1.0) / steps) ** 2
                     t = 0.5 * (near + far)
-                    x, z = t * dx, r + t * dz
-                    y = t * directions[k, 1]
+                    x, y, z = t * dx, t * directions[k, 1], r + t * dz
                     distance = np.sqrt(x * x + y * y + z * z)
                     h, sun = max(distance - EARTH, 0.0), (x * sx + z * sz) / distance
                     lit = risen(h, sun)

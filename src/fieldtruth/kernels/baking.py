@@ -13,7 +13,7 @@ from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.gbuffer import NX, NY, NZ
 from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.kernels.packets import Packet, hit_top, set_shadow_ray
-from fieldtruth.kernels.shading import ShadingBuffers, shade_hits
+from fieldtruth.kernels.shading import PASSES, ShadingBuffers, shade_hits
 from fieldtruth.kernels.textures import Atlas, Relief, ground_texels, sample_lit, view_terms
 
 UP: Final = 12  # first of the coefficients c2
@@ -25,6 +25,7 @@ RELIEF_STEPS: Final = 48
 _FARTHEST: Final = 400.0  # [m]
 _PIXEL: Final = np.float32(0.001)
 _LANES, _FAR, _PRIM, _U, _V = packets.LANES, packets.TFAR, packets.PRIM_ID, packets.HIT_U, packets.HIT_V
+_ALL: Final = len(PASSES)
 _occluded: Any = packets.occluded
 _intersect: Any = packets.intersect
 
@@ -112,7 +113,7 @@ def gather_probes(
     for first in range(0, len(points), PROBES):
         probes = min(PROBES, len(points) - first)
         total = _trace_probes(shading, buffers, points[first : first + probes], heights[first:], directions)
-        shade_hits(shading, buffers, batch, total, pixel, buffers.gbuffer, colour)
+        shade_hits(shading, buffers, batch, total, pixel, (buffers.gbuffer, colour), _ALL)
         for k in range(total):
             row, d = first + k % probes, directions[k // probes]
             for channel in range(3):

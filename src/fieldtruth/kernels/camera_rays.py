@@ -176,6 +176,22 @@ def gradients(view: View, batch: RayBatch, k: int, normal: tuple[float, float, f
     return x * right[0] + y * right[1] + z * right[2], x * down[0] + y * down[1] + z * down[2]
 
 
+@inlined
+def _aim(pose: Array, lens: Pinhole, first: int, image: Float32Array, cosine: Array, direction: Float32Array) -> None:
+    """Set the directions of a packet of a pinhole's rays, and the cosines of their angles to its axis."""
+    per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
+    m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
+    m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
+    m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
+    for k in range(first, first + _LANES):
+        a, b = (image[0, k] - cx) * per_fx, (image[1, k] - cy) * per_fy
+        scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
+        cosine[k] = scale
+        direction[0, k] = (m00 * a + m01 * b + m02) * scale
+        direction[1, k] = (m10 * a + m11 * b + m12) * scale
+        direction[2, k] = (m20 * a + m21 * b + m22) * scale
+
+
 @kernel
 def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
@@ -186,11 +202,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point, normal = batch
     pose, lens, far, table = view
-    m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
-    m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
-    m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
-    per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
     has_table = len(table) > 0
     if has_table:
         set_directions(pose, table, count, batch)
@@ -201,13 +213,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             for lane in range(_LANES):
                 valid[lane] = -1 if cosine[first + lane] != 0.0 else 0
         else:
-            for lane in range(_LANES):
-                a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
-                scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
-                cosine[first + lane] = scale
-                direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
-                direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
-                direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
+            _aim(pose, lens, first, image, cosine, direction)
         for lane in range(_LANES):
             ray[_DX + lane] = direction[0, first + lane]
             ray[_DY + lane] = direction[1, first + lane]

@@ -10,6 +10,7 @@ the world's edge, where cameras see it close, the world's ground, mirrored at th
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.kernels.camera_rays import RayBatch
@@ -65,6 +66,13 @@ RED, GREEN, BLUE, NX, NY, NZ, SUN, GLOSS, MIRROR, LIGHT = range(10)
 """Columns: linear albedo, unit normal, share of the sun, gloss, mirror, and three of light: irradiance over pi from
 sky and surroundings, with what a leaf lets through of all light from behind it, relative to its albedo."""
 FIELDS: Final = 12
+TERRAIN_PASSES: Final = (
+    "ground: normals",
+    "ground: shares of sun and open air, contact shadows",
+    "ground: relief along the ray, textures, wear, puddles",
+    "ground: light of the volume",
+)
+MESH_PASSES: Final = ("meshes: faces and vertices", "meshes: textures, age, veins", "meshes: light of the volume")
 TRACE_SUN: Final = -1.0
 """Value of SUN that requests a shadow ray; other values are the known share of the sun."""
 _Corners = tuple[np.float32, np.float32, np.float32, np.float32]
@@ -106,6 +114,26 @@ def _bilinear(grid: Float32Array, row: int, column: int, channel: int, weights: 
         grid[i, j, channel] * a + grid[i, j + one, channel] * b
         + grid[i + one, j, channel] * c + grid[i + one, j + one, channel] * d
     )  # fmt: skip
+
+
+@inlined
+def _corners(grid: Float32Array, u: np.float32, v: np.float32) -> tuple[int, int, _Corners]:
+    """Find the corner (i, j) of the cell with u, v, and the weights of its four corners."""
+    zero, one = np.float32(0.0), np.float32(1.0)
+    u = min(max(u, zero), np.float32(grid.shape[0] - 1.001))
+    v = min(max(v, zero), np.float32(grid.shape[1] - 1.001))
+    i, j = int(u), int(v)
+    fu, fv = u - np.float32(i), v - np.float32(j)
+    return i, j, ((one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv)
+
+
+@inlined
+def _nearest(grain: NDArray[np.uint8], u: np.float32, v: np.float32) -> np.uintp:
+    """Value at the node nearest to u, v."""
+    zero, half = np.float32(0.0), np.float32(0.5)
+    i = int(min(max(u + half, zero), np.float32(grain.shape[0] - 1)))
+    j = int(min(max(v + half, zero), np.float32(grain.shape[1] - 1)))
+    return np.uintp(grain[i, j])
 
 
 @inlined
@@ -172,23 +200,29 @@ def hits_on(top: IntArray, count: int, on_terrain: bool, rows: IntArray) -> int:
 
 @kernel(inner=True)
 def terrain_gbuffer(
-    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array
+    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array, passes: int
 ) -> None:
-    """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
-    rows, descent, hollow = scratch.rows, scratch.descent, scratch.hollow
-    found = hits_on(batch.top, count, True, rows)
-    _terrain_normals(shading.materials.surface, batch, rows, found, np.float32(pixel), out)
-    _terrain_shares(shading, batch, rows, found, descent, hollow, out)
-    _terrain_colours(shading, batch, rows, found, np.float32(pixel), descent, hollow, out)
-    _terrain_light(shading.light, batch, rows, found, scratch.probe, out)
+    """Fill rows of ``out`` (n, FIELDS) for hits on the terrain by the first ``passes`` of TERRAIN_PASSES.
+
+    ``pixel`` is the angle [rad] of one pixel.
+    """
+    found = hits_on(batch.top, count, True, scratch.rows) if passes > 0 else 0
+    if passes > 0:
+        _terrain_normals(shading.materials.surface, batch, scratch, found, np.float32(pixel), out)
+    if passes > 1:
+        _terrain_shares(shading, batch, scratch, found, out)
+    if passes > 2:
+        _terrain_colours(shading, batch, scratch, found, np.float32(pixel), out)
+    if passes > 3:
+        _terrain_light(shading.light, batch, scratch, found, out)
 
 
 @kernel(inner=True)
 def _terrain_normals(
-    surface: Grid, batch: RayBatch, rows: IntArray, found: int, pixel: np.float32, out: Float32Array
+    surface: Grid, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
     """Normals over the footprint of a pixel."""
-    points, distance, foreshortening = batch.point, batch.distance, batch.foreshortening
+    rows, points, distance, foreshortening = scratch.rows, batch.point, batch.distance, batch.foreshortening
     half_cell, one, flattest = np.float32(0.5 / surface.per_metre), np.float32(1.0), np.float32(0.05)
     for m in range(found):
         k = np.uintp(rows[m])
@@ -199,20 +233,13 @@ def _terrain_normals(
 
 
 @kernel(inner=True)
-def _terrain_shares(
-    shading: Shading,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    descent: Float32Array,
-    hollow: Float32Array,
-    out: Float32Array,
-) -> None:
+def _terrain_shares(shading: Shading, batch: RayBatch, scratch: Scratch, found: int, out: Float32Array) -> None:
     """Share of the sun, and of what is not near (in LIGHT), which pits of the relief see less of.
 
     Also what a ray descends towards the ground without its relief, per unit length, and how deep [m] the hit lies
-    below that ground, each (n,).
+    below that ground.
     """
+    rows, descent, hollow = scratch.rows, scratch.descent, scratch.hollow
     points, directions, materials = batch.point, batch.direction, shading.materials
     ground, near, sunlit = materials.ground, shading.light.ground_near, shading.light.ground_sun
     x0, y0 = np.float32(materials.corner[0]), np.float32(materials.corner[1])
@@ -230,11 +257,9 @@ def _terrain_shares(
 
 
 @kernel(inner=True)
-def _terrain_light(
-    light: LightTable, batch: RayBatch, rows: IntArray, found: int, probe: Float32Array, out: Float32Array
-) -> None:
+def _terrain_light(light: LightTable, batch: RayBatch, scratch: Scratch, found: int, out: Float32Array) -> None:
     """Light of sky and surroundings."""
-    points, volume = batch.point, light.volume
+    rows, probe, points, volume = scratch.rows, scratch.probe, batch.point, light.volume
     vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
     per = np.float32(light.volume_per_metre)
     for m in range(found):
@@ -278,16 +303,10 @@ def _far_factors(
 
 @kernel(inner=True)
 def _terrain_colours(
-    shading: Shading,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    pixel: np.float32,
-    descent: Float32Array,
-    hollow: Float32Array,
-    out: Float32Array,
+    shading: Shading, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
     """Albedo from the texture of the material, and on the ground from the mixed colour of its surroundings."""
+    rows, descent, hollow = scratch.rows, scratch.descent, scratch.hollow
     points, image, directions, distance = batch.point, batch.image, batch.direction, batch.distance
     materials, atlas, ground = shading.materials, shading.materials.atlas, shading.materials.ground
     grain, textures, tints, glosses = materials.ground_material, materials.texture, materials.tint, materials.gloss
@@ -295,25 +314,19 @@ def _terrain_colours(
     sun_x, sun_y = np.float32(shading.light.sun[0]), np.float32(shading.light.sun[1])
     per_sun = np.float32(1.0) / np.sqrt(max(sun_x * sun_x + sun_y * sun_y, np.float32(1e-9)))
     sun_x, sun_y = sun_x * per_sun, sun_y * per_sun
-    edge, border, border_row, trail_row = (
-        shading.hits.trail_distance, np.float32(-materials.border_width), materials.border, materials.trail
-    )  # fmt: skip
+    edge, border_row, trail_row = shading.hits.trail_distance, materials.border, materials.trail
     per_rgb, per_material = np.float32(materials.per_metre_rgb), np.float32(materials.per_metre_material)
     repeats, means = materials.repeat, materials.atlas.mean
     x0, y0 = np.float32(materials.corner[0]), np.float32(materials.corner[1])
-    last_i, last_j = np.float32(grain.shape[0] - 1), np.float32(grain.shape[1] - 1)
-    end_u, end_v = np.float32(ground.shape[0] - 1.001), np.float32(ground.shape[1] - 1.001)
-    zero, half, one, puddles = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(materials.wetness)
+    zero, one, puddles = np.float32(0.0), np.float32(1.0), np.float32(materials.wetness)
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
         trail = _shade_of(edge, x, y)
         if trail < zero:
-            row = np.uintp(border_row if trail > border else trail_row)
+            row = np.uintp(border_row if trail > np.float32(-materials.border_width) else trail_row)
         else:
-            gi = int(min(max((x - x0) * per_material + half, zero), last_i))
-            gj = int(min(max((y - y0) * per_material + half, zero), last_j))
-            row = np.uintp(grain[gi, gj])
+            row = _nearest(grain, (x - x0) * per_material, (y - y0) * per_material)
         texture = np.uintp(textures[row])
         relief = Relief(one / repeats[row], reliefs[row], mean_heights[texture], patches[row])
         view = directions[0, k], directions[1, k], descent[m]
@@ -323,10 +336,7 @@ def _terrain_colours(
         red, green, blue, sun = red * bright, green * bright, blue * bright, sun * light
         out[k, GLOSS], out[k, MIRROR] = glosses[row], zero
         out[k, SUN] *= sun
-        u, v = min(max((x - x0) * per_rgb, zero), end_u), min(max((y - y0) * per_rgb, zero), end_v)
-        i, j = int(u), int(v)
-        fu, fv = u - np.float32(i), v - np.float32(j)
-        weights = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
+        i, j, weights = _corners(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
         if trail < zero:
             wear = _bilinear(ground, i, j, 4, weights)
             if puddles > zero:
@@ -426,29 +436,28 @@ def _leaf_variation(leaf: int, top: int) -> tuple[np.float32, np.float32]:
 
 @kernel(inner=True)
 def mesh_gbuffer(
-    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array
+    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array, passes: int
 ) -> None:
-    """Fill rows of ``out`` (n, FIELDS) for hits on meshes; SUN requests shadow rays except on leaves."""
-    rows, face, texels = scratch.rows, scratch.face, scratch.texels
-    found = hits_on(batch.top, count, False, rows)
-    _fetch_faces(shading.hits, shading.surfaces, batch, rows, found, np.float32(pixel), face, texels)
-    _fetch_vertices(shading, batch, rows, found, face, out)
-    _shade_surfaces(shading, batch, rows, found, np.float32(pixel), face, texels, out)
-    _mesh_light(shading, batch, rows, found, face, scratch.probe, out)
+    """Fill rows of ``out`` (n, FIELDS) for hits on meshes by the first ``passes`` of MESH_PASSES.
+
+    SUN requests shadow rays except on leaves.
+    """
+    found = hits_on(batch.top, count, False, scratch.rows) if passes > 0 else 0
+    if passes > 0:
+        _fetch_faces(shading.hits, shading.surfaces, batch, scratch, found, np.float32(pixel))
+        _fetch_vertices(shading, batch, scratch, found, out)
+    if passes > 1:
+        _shade_surfaces(shading, batch, scratch, found, np.float32(pixel), out)
+    if passes > 2:
+        _mesh_light(shading, batch, scratch, found, out)
 
 
 @kernel(inner=True)
 def _fetch_faces(
-    hits: HitTable,
-    surfaces: SurfaceTable,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    pixel: np.float32,
-    face: IntArray,
-    texels: Float32Array,
+    hits: HitTable, surfaces: SurfaceTable, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32
 ) -> None:
     """Copy the rows of SurfaceTable.face, and find the width of a pixel in repeats of the texture."""
+    rows, face, texels = scratch.rows, scratch.face, scratch.texels
     tops, primitives, distance = batch.top, batch.primitive, batch.distance
     top_mesh, mesh_face, faces, repeats = hits.top_mesh, hits.mesh_face, surfaces.face, surfaces.face_repeat
     for m in range(found):
@@ -460,10 +469,9 @@ def _fetch_faces(
 
 
 @kernel(inner=True)
-def _fetch_vertices(
-    shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
-) -> None:
+def _fetch_vertices(shading: Shading, batch: RayBatch, scratch: Scratch, found: int, out: Float32Array) -> None:
     """Interpolate normals in the object's frame, uv and the share of open air (for now in RED, GREEN and LIGHT)."""
+    rows, face = scratch.rows, scratch.face
     vertices, top_leaf, leaf_sun = shading.surfaces.vertex, shading.light.top_leaf, shading.light.leaf_sun
     through, barycentric, tops, primitives = (
         shading.materials.through, batch.barycentric, batch.top, batch.primitive
@@ -483,40 +491,64 @@ def _fetch_vertices(
             out[k, SUN] = np.float32(leaf_sun[np.uintp(top_leaf[np.uintp(tops[k])] + primitives[k])])
 
 
+@inlined
+def _turned(
+    rotations: Float32Array, top: np.uintp, normal: Vector, ray: Vector, thin: bool
+) -> tuple[Vector, np.float32]:
+    """Turn a normal of an object into the world, and find the cosine of its angle to a ray, without its sign.
+
+    The normal has unit length then. That of a leaf, which is ``thin``, points to the camera's side.
+    """
+    x, y, z = normal
+    wx = rotations[top, 0, 0] * x + rotations[top, 0, 1] * y + rotations[top, 0, 2] * z
+    wy = rotations[top, 1, 0] * x + rotations[top, 1, 1] * y + rotations[top, 1, 2] * z
+    wz = rotations[top, 2, 0] * x + rotations[top, 2, 1] * y + rotations[top, 2, 2] * z
+    scale = np.float32(1.0) / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
+    facing = ray[0] * wx + ray[1] * wy + ray[2] * wz
+    if thin and facing > np.float32(0.0):
+        scale = -scale
+    return (wx * scale, wy * scale, wz * scale), abs(facing) * abs(scale)
+
+
+@inlined
+def _aged(
+    age: Float32Array,
+    row: np.uintp,
+    colour: Colour,
+    mean: np.float32,
+    point: Vector,
+    normal: Vector,
+    place: tuple[np.float32, int],
+) -> Colour:
+    """Colour with what grows on a surface, or with patches; ``place`` is its height [m] above its base, and the top."""
+    if age[row, WEATHERING] > np.float32(0.0):
+        above, top = place
+        own = np.float32((top * 40503) & 1023) * np.float32(1.0 / 1024.0)
+        colour = overgrown(colour, colour[1] / mean, point, normal, above, own, age[row, WEATHERING])
+    elif age[row, PATCHES] > np.float32(0.0):
+        colour = patchy(colour, point[0], point[1], age[row, PATCHES])
+    return colour
+
+
 @kernel(inner=True)
 def _shade_surfaces(
-    shading: Shading,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    pixel: np.float32,
-    face: IntArray,
-    texels: Float32Array,
-    out: Float32Array,
+    shading: Shading, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
     """Normals in the world's frame, share of the sun and albedo."""
-    age, means, bases = shading.materials.age, shading.materials.atlas.mean, shading.surfaces.top_base
+    rows, face, texels = scratch.rows, scratch.face, scratch.texels
     tops, directions, distance, image, points = batch.top, batch.direction, batch.distance, batch.image, batch.point
-    materials, surfaces, light = shading.materials, shading.surfaces, shading.light
-    foreshortening = batch.foreshortening
+    materials, surfaces, foreshortening = shading.materials, shading.surfaces, batch.foreshortening
     atlas, sizes, textures, tints = materials.atlas, materials.atlas.size, materials.texture, materials.tint
     glosses, throughs, mirrors = materials.gloss, materials.through, materials.mirror
-    steeps, lands = materials.steep, materials.land
-    rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
-    top_leaf, zero, one = light.top_leaf, np.float32(0.0), np.float32(1.0)
+    age, steeps, lands = materials.age, materials.steep, materials.land
+    rotations, own_tints, bases = surfaces.top_rotation, surfaces.top_tint, surfaces.top_base
+    top_leaf, zero, one = shading.light.top_leaf, np.float32(0.0), np.float32(1.0)
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         top = np.uintp(tops[k])
-        nx, ny, nz = out[k, NX], out[k, NY], out[k, NZ]
-        wx = rotations[top, 0, 0] * nx + rotations[top, 0, 1] * ny + rotations[top, 0, 2] * nz
-        wy = rotations[top, 1, 0] * nx + rotations[top, 1, 1] * ny + rotations[top, 1, 2] * nz
-        wz = rotations[top, 2, 0] * nx + rotations[top, 2, 1] * ny + rotations[top, 2, 2] * nz
-        scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
-        through = throughs[row, 1]
-        facing = directions[0, k] * wx + directions[1, k] * wy + directions[2, k] * wz
-        if through > zero and facing > zero:  # the normal of a leaf points to the camera's side
-            scale = -scale
-        out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
+        through, ray = throughs[row, 1], (directions[0, k], directions[1, k], directions[2, k])
+        normal, facing = _turned(rotations, top, (out[k, NX], out[k, NY], out[k, NZ]), ray, through > zero)
+        out[k, NX], out[k, NY], out[k, NZ] = normal
         out[k, GLOSS], out[k, MIRROR] = glosses[row], mirrors[row]
         texture = np.uintp(textures[row])
         across = texels[m] * np.float32(sizes[texture, 0])
@@ -528,28 +560,20 @@ def _shade_surfaces(
             if steeps[row] >= 0 and is_steep(points[0, k], points[1, k], out[k, NZ]):
                 texture = np.uintp(steeps[row])
         elif through == zero:  # a pixel sees more of a surface that it grazes
-            across /= np.sqrt(max(abs(facing) * abs(scale), _GRAZING))
+            across /= np.sqrt(max(facing, _GRAZING))
         noise = dither(image[0, k], image[1, k])
         level = mip_level(across, noise)
         red, green, blue = sample(atlas, texture, u, v, level)
-        colour = np.float32(red), np.float32(green), np.float32(blue)
-        bright, warmth = one, zero
+        colour, bright, warmth = (np.float32(red), np.float32(green), np.float32(blue)), one, zero
         if through > zero:
             bright, warmth = _leaf_variation(face[m, FIRST] // 4, tops[k])
         else:
-            normal = out[k, NX], out[k, NY], out[k, NZ]
             if age[row, FURROWS] > zero:
                 along_u, along_v = texture_slope(atlas, texture, u, v, level)
                 per_metre = age[row, FURROWS] * texels[m] / (distance[k] * pixel)
                 out[k, NX], out[k, NY], out[k, NZ] = tilted(normal, along_u * per_metre, along_v * per_metre)
-            if age[row, WEATHERING] > zero:
-                above, own = points[2, k] - bases[top], np.float32((tops[k] * 40503) & 1023) * np.float32(1.0 / 1024.0)
-                point = points[0, k], points[1, k], points[2, k]
-                colour = overgrown(
-                    colour, colour[1] / means[texture, 1], point, normal, above, own, age[row, WEATHERING]
-                )
-            elif age[row, PATCHES] > zero:
-                colour = patchy(colour, points[0, k], points[1, k], age[row, PATCHES])
+            point, mean = (points[0, k], points[1, k], points[2, k]), atlas.mean[texture, 1]
+            colour = _aged(age, row, colour, mean, point, normal, (points[2, k] - bases[top], tops[k]))
             out[k, SUN] = one if distant and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
         red = colour[0] * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
         green = colour[1] * tints[row, 1] * own_tints[top, 1] * bright
@@ -561,16 +585,9 @@ def _shade_surfaces(
 
 
 @kernel(inner=True)
-def _mesh_light(
-    shading: Shading,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    face: IntArray,
-    probe: Float32Array,
-    out: Float32Array,
-) -> None:
+def _mesh_light(shading: Shading, batch: RayBatch, scratch: Scratch, found: int, out: Float32Array) -> None:
     """Light of sky and surroundings, and what leaves let through of it and of the sun."""
+    rows, face, probe = scratch.rows, scratch.face, scratch.probe
     points, light, throughs = batch.point, shading.light, shading.materials.through
     volume, base, sun_rgb = light.volume, light.volume_base, light.sun_rgb
     vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])

@@ -107,44 +107,6 @@ def aim_tile(packet: Packet, poses: Array, beams: Beams, first_column: int, firs
 
 
 @kernel
-def trace_beams(
-    scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams: Beams, out: LabelBuffers
-) -> None:
-    """Trace all rays in tiles of neighbouring columns and rings; ``out.depth`` is the range, 0 without a return.
-
-    Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer than its use.
-    """
-    label, instance, distance = out.label, out.instance, out.depth
-    _, lag, min_range, max_range, returns = beams
-    ray, words, valid, arguments = packet
-    tops = hits.geometry_top
-    columns, rings = distance.shape
-    for lane in range(_LANES):
-        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
-    for first_column in range(0, columns, _WIDTH):
-        for first_ring in range(0, rings, _HEIGHT):
-            aim_tile(packet, poses, beams, first_column, first_ring)
-            _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
-            for lane in range(_LANES):
-                if valid[lane] == 0:
-                    continue
-                column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-                distance[column, ring] = 0.0
-                top = hit_top(tops, words, lane)
-                range_m = ray[_FAR + lane]
-                if top < 0 or range_m < min_range:
-                    continue
-                share = lag[ring]
-                dx, dy, _ = aimed(poses, column, share, beams, ring)
-                x = entry(poses, column, share, 0, 3) + range_m * dx
-                y = entry(poses, column, share, 1, 3) + range_m * dy
-                class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
-                if returns[class_id]:
-                    distance[column, ring] = range_m
-                    label[column, ring], instance[column, ring] = class_id, object_id
-
-
-@kernel
 def collect_returns(directions: Array, out: LabelBuffers, found: Scan) -> None:
     """List the returns by column, then by ring; NumPy's indexing takes eight times as long (1.3 ms of a scan of 25)."""
     labels, instances, distances = out.label, out.instance, out.depth
@@ -188,6 +150,14 @@ class EchoBuffers(NamedTuple):
     mixed: Mask  # whether surfaces of more than one class or object made it
     clear: Float32Array  # [m] up to which nothing is in the middle of the beam
     true_range: Float32Array  # [m] of what the middle of the beam meets, 0 if that returns nothing
+
+
+def only_ranges(out: LabelBuffers) -> EchoBuffers:
+    """Buffers for one echo of each beam, without its brightness, that share the arrays of label images."""
+    none = np.zeros((0, 0), np.float32)
+    return EchoBuffers(
+        out.label[None], out.instance[None], out.depth[None], none[None], np.zeros((0, 0, 0), np.bool_), none, out.depth
+    )
 
 
 @inlined
@@ -237,23 +207,24 @@ def surface_of(
 
 
 @kernel
-def trace_surfaces(
+def trace_beams(
     scene: np.uint64,
-    tables: tuple[HitTable, SurfaceTable],
+    hits: HitTable,
+    surfaces: SurfaceTable | None,
     packet: Packet,
     poses: Array,
     beams: Beams,
     out: EchoBuffers,
 ) -> None:
-    """Trace all rays as ``sensing.trace_beams`` does, with the same ranges, labels and ids to the last bit.
+    """Trace all rays in tiles of neighbouring columns and rings; the only echo of a beam is that of its middle.
 
-    The only echo of a beam is that of its middle.
+    Without ``surfaces`` only class, instance id and range are found. Ranges, labels and ids are the same to the
+    last bit. Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer.
     """
-    hits, surfaces = tables
     label, instance, distance, apparent, _, clear, true_range = out
     _, lag, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
-    tops, rotations = hits.geometry_top, surfaces.top_rotation
+    tops = hits.geometry_top
     columns, rings = true_range.shape
     for lane in range(_LANES):
         set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
@@ -266,20 +237,23 @@ def trace_surfaces(
                     continue
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 distance[0, column, ring] = true_range[column, ring] = 0.0
-                top = hit_top(tops, words, lane)
-                clear[column, ring] = range_m = ray[_FAR + lane]
+                top, range_m = hit_top(tops, words, lane), ray[_FAR + lane]
+                if surfaces is not None:
+                    clear[column, ring] = range_m
                 if top < 0 or range_m < min_range:
                     continue
                 share = lag[ring]
                 dx, dy, _ = aimed(poses, column, share, beams, ring)
                 x = entry(poses, column, share, 0, 3) + range_m * dx
                 y = entry(poses, column, share, 1, 3) + range_m * dy
-                class_id, object_id, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
+                class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
                 if returns[class_id]:
                     distance[0, column, ring] = true_range[column, ring] = range_m
                     label[0, column, ring], instance[0, column, ring] = class_id, object_id
-                    cosine = cosine_of(rotations, ray, lane, top)
-                    apparent[0, column, ring] = brightness(value, gloss, exponent, cosine)
+                    if surfaces is not None:
+                        _, _, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
+                        cosine = cosine_of(surfaces.top_rotation, ray, lane, top)
+                        apparent[0, column, ring] = brightness(value, gloss, exponent, cosine)
 
 
 class Receiver(NamedTuple):

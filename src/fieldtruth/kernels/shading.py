@@ -21,12 +21,14 @@ from fieldtruth.kernels.gbuffer import (
     GLOSS,
     GREEN,
     LIGHT,
+    MESH_PASSES,
     MIRROR,
     NX,
     NY,
     NZ,
     RED,
     SUN,
+    TERRAIN_PASSES,
     TRACE_SUN,
     Scratch,
     mesh_gbuffer,
@@ -57,6 +59,13 @@ from fieldtruth.kernels.packets import (
     set_shadow_ray,
 )
 
+PASSES: Final = (
+    *TERRAIN_PASSES,
+    *MESH_PASSES,
+    "shadows of the sun on wood, rock and furniture",
+    "sun, sky, translucency, highlights",
+)
+"""What ``shade_hits`` computes one after another."""
 REFRACTION: Final = 1.0 / 1.333
 """Refractive index of air over that of water."""
 ABSORPTION: Final = np.array([1.3, 0.75, 0.95], np.float32)
@@ -250,6 +259,7 @@ def cover_with_snow(snow: SnowTable, open_light: np.float32, batch: RayBatch, co
         out[k, GLOSS] *= bare
 
 
+_TERRAIN, _ALL = len(TERRAIN_PASSES), len(PASSES)
 _EXPOSURE, _PER_PI = np.float32(EXPOSURE), np.float32(1.0 / np.pi)
 _CUTICLE = np.float32(0.04)  # reflectance of wax and varnish at normal incidence: refractive index 1.5
 _OFFSET = 0.002  # [m] between a surface and the origin of its shadow ray
@@ -293,7 +303,7 @@ def new_shading_buffers(count: int) -> ShadingBuffers:
 @inlined
 def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Compute ``colour`` of the traced rays; ``pixel`` is the angle [rad] of one pixel."""
-    shade_hits(shading, buffers, buffers.batch, count, pixel, buffers.gbuffer, buffers.colour)
+    shade_hits(shading, buffers, buffers.batch, count, pixel, (buffers.gbuffer, buffers.colour), _ALL)
     add_disc(shading.light, shading.exposure, buffers.batch, count, buffers.colour)
     if shading.has_water:
         _shade_water(shading, buffers, count, pixel)
@@ -306,11 +316,11 @@ def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: f
     second = buffers.secondary
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, False, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-    shade_hits(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
+    shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     blend_bottom(second, found, buffers.colour)
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, True, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-    shade_hits(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
+    shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
     dim(shading, second.batch, found, second.colour)
     blend_reflection(second, found, buffers.colour)
@@ -323,18 +333,25 @@ def shade_hits(
     batch: RayBatch,
     count: int,
     pixel: float,
-    gbuffer: Float32Array,
-    colour: Float32Array,
+    out: tuple[Float32Array, Float32Array],
+    passes: int,
 ) -> None:
-    """Compute ``gbuffer`` and ``colour`` of the traced rays of a batch, without water and weather."""
-    terrain_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer)
-    mesh_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer)
+    """Compute the G-buffer and colours ``out`` of the traced rays of a batch, without water and weather.
+
+    ``passes`` is the number of PASSES that are made: fewer than all to measure what each costs.
+    """
+    gbuffer, colour = out
+    terrain_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer, passes)
+    mesh_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer, passes - _TERRAIN)
+    if passes < _ALL - 1:
+        return
     if shading.has_snow:
         cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, gbuffer)
     _share_sun(shading, buffers.shadow, buffers.shadow_rows, batch, count, np.float32(pixel), gbuffer)
     if shading.light.has_cloud_shadow:
         _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
-    _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
+    if passes == _ALL:
+        _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
 
 
 @kernel(inner=True)

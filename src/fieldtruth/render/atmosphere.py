@@ -87,7 +87,7 @@ def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
     """
     depths = optical_depths(turbidity)
     higher = np.zeros((HEIGHTS, COSINES, len(WAVELENGTHS)))
-    fill_higher_orders(depths, _directions(64), higher)
+    fill_higher_orders(depths, sphere(64, 0.0), higher)
     scattered = np.zeros((ELEVATIONS, AZIMUTHS, 2, 3, len(WAVELENGTHS)))
     passed = np.zeros((ELEVATIONS, len(WAVELENGTHS)))
     scatter(depths, higher, elevation, ceiling, scattered, passed)
@@ -115,9 +115,9 @@ def transmittance(depths: Array, height: float, elevation: float) -> Array:
     return np.asarray(np.exp(-column @ depths) * risen(height, np.sin(elevation)))
 
 
-def _directions(count: int) -> Array:
-    """Unit vectors (count, 3) spread evenly over the sphere (spherical Fibonacci)."""
+def sphere(count: int, turn: float) -> Array:
+    """Directions (count, 3) spread evenly over the sphere (spherical Fibonacci), turned about z by ``turn`` [rad]."""
     k = np.arange(count) + 0.5
-    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0))
+    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0)) + turn
     radius = np.sqrt(1.0 - z * z)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)

@@ -50,6 +50,7 @@ from fieldtruth.kernels.packets import Grid, new_packet
 from fieldtruth.kernels.shading import new_shading_buffers
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
+from fieldtruth.render.atmosphere import sphere
 from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sun_direction
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
@@ -164,14 +165,6 @@ def hemisphere(count: int) -> Array:
     """Directions (count, 3) spread evenly over the upper half (spherical Fibonacci)."""
     k = np.arange(count) + 0.5
     z, angle = k / count, k * np.pi * (3.0 - np.sqrt(5.0))
-    radius = np.sqrt(1.0 - z * z)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
-
-
-def sphere(count: int, turn: float) -> Array:
-    """Directions (count, 3) spread evenly over the sphere (spherical Fibonacci), turned about z by ``turn`` [rad]."""
-    k = np.arange(count) + 0.5
-    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0)) + turn
     radius = np.sqrt(1.0 - z * z)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
 

@@ -60,9 +60,7 @@ def material_table(world: World, sun: Array | None = None, wetness: float = 0.0)
         wetness: of the ground, 0 (dry) to 1 (soaked).
     """
     names, materials = list(world.materials), list(world.materials.values())
-    textures = list(world.textures)
-    atlas = _atlas(world, sun, wetness)
-    terrain = world.terrain
+    atlas, terrain, textures = _atlas(world, sun, wetness), world.terrain, list(world.textures)
     texture = np.array([textures.index(m.texture) for m in materials], np.int32)
     tint = np.array([m.tint for m in materials], np.float32)
     rows = [names.index(n) for n in terrain.ground_materials]

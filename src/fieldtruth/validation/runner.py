@@ -180,7 +180,7 @@ def _decoded(store: Typestore, raw: RawMessage) -> Any:
 
 
 def _has_other_sensors(context: Context) -> bool:
-    """Whether a rig has sensors whose kind has no check of its own."""
+    """Return whether a rig has sensors whose kind has no check of its own."""
     return any(sensor_class(config) not in OWN for config in context.rig.in_order())
 
 

@@ -146,7 +146,7 @@ class _Clock(NamedTuple):
 
 
 def _is_on_steps(topic: Topic) -> bool:
-    """Whether a sensor of motion publishes a topic, which reads at steps of the physics."""
+    """Return whether a topic is that of a sensor of the robot's motion, which reads at steps of the physics."""
     return topic.kind in KINDS and not KINDS[topic.kind].sees
 
 

@@ -55,9 +55,9 @@ from fieldtruth.kernels.lidar import (
     SubRays,
     SurfaceTable,
     collect_returns,
+    only_ranges,
     trace_beams,
     trace_echoes,
-    trace_surfaces,
 )
 from fieldtruth.kernels.lidar_noise import Reading, add_weather, measure
 from fieldtruth.kernels.packets import LANES, Grid, LabelBuffers, new_packet
@@ -193,7 +193,8 @@ class IdealLidar:
             ValueError: another number of poses.
         """
         poses, moving = self._poses(world_from_lidar, stamp_ns)
-        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
+        scene, out = self.scene, only_ranges(self._out)
+        trace_beams(scene.rays.handle, scene.hits, None, self._packet, poses, self._beams, out)
         if self._robot is not None:
             seen = self._robot_before(self._robot, poses)
             rows = self._robot.column[seen], self._robot.ring[seen]
@@ -235,7 +236,8 @@ class IdealLidar:
             np.zeros((len(column), 1), np.uint32),
             np.zeros((len(column), 1), np.float32),
         )
-        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, own, beams, before)
+        scene, out = self.scene, only_ranges(before)
+        trace_beams(scene.rays.handle, scene.hits, None, self._packet, own, beams, out)
         world_m = before.depth[:, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 
@@ -534,7 +536,7 @@ class Lidar(IdealLidar):
         poses, moving = self._poses(world_from_lidar, stamp_ns)
         rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
         if self._sub_rays is None:
-            trace_surfaces(rays, tables, self._packet, poses, self._beams, self._echoes)
+            trace_beams(rays, *tables, self._packet, poses, self._beams, self._echoes)
         else:
             trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
         if self._robot is not None:
