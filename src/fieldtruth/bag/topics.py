@@ -14,13 +14,7 @@ from fieldtruth.core import readings
 from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
-from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.topic import Topic
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
