@@ -5,8 +5,8 @@
 Numba compiles on one thread of a process. So a second process reads each sensor that sees once, in a world that is a
 box, in the same light and weather, and keeps the code in the cache. Who needs a kernel meanwhile waits for its file if
 it is being compiled, and compiles what has not been begun (`kernels.compile`): nothing depends on the second process.
-No such process is started where no file can be kept, or where only one core is free. It ends with this one, however this one ends:
-its standard input is a pipe, which the system then closes.
+No such process is started where no file can be kept, or where only one core is free. It ends with this one, however
+this one ends: its standard input is a pipe, which the system then closes.
 """
 
 import os
