@@ -6,7 +6,8 @@ Of a bag the messages in their order are compared, with topics, types and stamps
 
 Run: python benchmarks/digests.py FOLDER [--only park_1 exports] [--against OLD.json]. Prints JSON, and with --against
 exits with 1 if a digest differs. Bytes depend on the processor (see README), so both files must be of one machine.
-``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512.
+``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512; of bags
+those whose files had the same bytes before and after, when slices of a second were still the units of work.
 """
 
 import argparse
@@ -70,8 +71,10 @@ def main() -> None:
     print(json.dumps(found, indent=1))
     if arguments.against:
         old = json.loads(against)
-        changed = [name for name, digest in found.items() if old.get(name) != digest]
-        print(f"{len(found) - len(changed)} equal, changed: {', '.join(changed) or 'none'}", file=sys.stderr)
+        changed = [name for name, digest in found.items() if old.get(name, digest) != digest]
+        equal, new = sum(old.get(name) == digest for name, digest in found.items()), found.keys() - old.keys()
+        lists = (", ".join(sorted(names)) or "none" for names in (changed, new))
+        print(f"{equal} equal, changed: {next(lists)}; not known: {next(lists)}", file=sys.stderr)
         sys.exit(bool(changed))
 
 

@@ -8,6 +8,7 @@ import shutil
 import struct
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,24 @@ def test_an_experiment_that_does_not_fit_is_reported_in_one_line(small_run: Path
     assert "does not fit the bag" in text
     assert "points has 9.17 Hz, not 5 Hz" in text
     assert "\n" not in text
+
+
+def test_a_sensor_that_the_experiment_does_not_fit_is_said_when_it_is_read(small_run: Path) -> None:
+    run = open_run(small_run)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # its own experiment fits
+        opened = [run[name] for name, source in run.sensors.items() if source.recorded(run.counts)]
+    assert len(opened) > 5
+    lidar = run.experiment.rig.lidar if run.experiment is not None else None
+    assert lidar is not None
+    assert run.experiment is not None
+    changes = {"frame": "mast_link", "rings": lidar.rings // 2}
+    rig = run.experiment.rig.with_sensors(type(lidar), **changes)
+    other = replace(run, experiment=run.experiment.model_copy(update={"rig": rig}))
+    with pytest.warns(
+        FieldtruthWarning, match=f"points has the frame '{lidar.frame}', not 'mast_link' and .* rings, not"
+    ):
+        assert len(other["lidar"]) > 0
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ def coco(path: Path) -> COCO:
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_duration(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 16 MB
     pictures = [f"/stereo/camera/left/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances")]
     once = ["/gazebo/model_states", "/tf_static", "/stereo/camera/left/camera_info"]
     long = longer(short, tmp_path / "long.bag", 15, [*pictures, "/ground_truth/odom"], once)

@@ -137,7 +137,7 @@ def test_existing_output_is_kept(small_run: Path, tmp_path: Path) -> None:
 
 
 def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 16 MB
     topics = (camera("left", "tag/img_raw"), IMU)
     bags = [longer(bag, tmp_path / f"{times}.bag", times, topics, ()) for times in (1, 4)]
     peaks = [peak_memory(lambda path=path: export(path, "files", workers=1)) for path in bags]  # type: ignore[misc]

@@ -184,7 +184,7 @@ def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 16 MB
     peaks = []
     for times in (2, 6):
         topics = (POINTS, ODOMETRY, *PHOTOS.values())

@@ -111,7 +111,7 @@ def test_page_does_not_depend_on_the_number_of_threads(small_run: Path, tmp_path
 
 
 def test_memory_does_not_grow_with_the_run(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 64 MB
+    monkeypatch.setattr(reader._RECENT, "budget", 0)  # the last chunk only, instead of 16 MB
     bag = only(small_run / "park_1.bag", tmp_path / "short.bag", TAGS[0], POINTS, "/imu/data", "/navsat/fix")
     peaks = []
     for number in (1, 2, 8):

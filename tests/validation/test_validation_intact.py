@@ -62,7 +62,7 @@ def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, validate_i
         return None if raw.topic in CAMERA_TOPICS else raw
 
     blind = with_overrides(load_experiment(lean_run / "experiment.yaml"), cameras=False)
-    checks = validate_in_park(rewritten(lean_run, tmp_path, change, blind))
+    checks = validate_in_park(rewritten(lean_run, tmp_path, change, blind), samples=4)
     about_images = {"images", "tag colours", "depth", "lidar and cameras", "retraced images", "photographs"}
     assert passed(checks) == {name: None if name in about_images else True for name in NAMES}, failures(checks)
 
@@ -80,7 +80,7 @@ def spinning_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, validate_in_park: Validate) -> None:
-    checks = validate_in_park(spinning_run)
+    checks = validate_in_park(spinning_run, samples=6)
     skipped = {"gnss", "lidar and cameras", "photographs", "depth"}
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
 

@@ -8,7 +8,6 @@ or one of ROS 2 (.db3, or a folder with metadata.yaml); messages of ROS 2 are ha
 """
 
 import os
-import struct
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -52,7 +51,7 @@ class MessageIndex(NamedTuple):
 class BagReader:
     """An open bag, from ``open_bag``; one thread at a time may read it."""
 
-    def __init__(self, path: Path, file: StoredFile, *, own_names: bool, true_stamps: Collection[str] = ()) -> None:
+    def __init__(self, path: Path, file: StoredFile, *, own_names: bool) -> None:
         self.path, self._file, self.layout = path, file, file.layout
         topics = {connection.topic for connection in file.connections}
         own_names = own_names or ODOMETRY in topics  # the paper's data set has none, ours always
@@ -65,9 +64,6 @@ class BagReader:
         """Messages by topic."""
         self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in self._by_id.values()}
         """Message type by topic."""
-        headed = {c.topic for c in self._by_id.values() if _has_header(c.msgdef.data)}
-        self.true_stamps = headed.intersection(true_stamps)
-        """Topics whose headers are given the stamps in the bag."""
         self.start_ns: int = file.start_ns
         self.end_ns: int = file.end_ns
         """Stamp [ns] of the last message."""
@@ -145,8 +141,6 @@ class BagReader:
         connection = self._by_id[number]
         with read_errors(self.path):
             data = self.layout.ros1(number, data)
-        if connection.topic in self.true_stamps:
-            data = with_stamp(data, stamp)
         return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
 
 
@@ -156,26 +150,13 @@ def _name(topic: str, topics: Collection[str]) -> str:
     return name if name not in topics else topic
 
 
-def with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """Return a message that begins with a header (``seq``, seconds, nanoseconds) with another stamp [ns]."""
-    return b"".join((data[:4], struct.pack("<LL", *divmod(stamp_ns, 10**9)), data[12:]))
-
-
-def _has_header(definition: str) -> bool:
-    """Whether the first field of a message type is a header."""
-    lines = (line.split("#")[0].strip() for line in definition.splitlines())
-    first = next((line for line in lines if line and "=" not in line), "")
-    return first.split(" ")[0] in ("Header", "std_msgs/Header")
-
-
 @contextmanager
-def open_bag(path: Path | str, *, own_names: bool = False, true_stamps: Collection[str] = ()) -> Iterator[BagReader]:
+def open_bag(path: Path | str, *, own_names: bool = False) -> Iterator[BagReader]:
     """Open a bag for reading.
 
     Args:
         path: the file.
         own_names: keep the names of the topics of the paper's data set; otherwise they are ours (``standard_name``).
-        true_stamps: topics whose headers are read with the stamps in the bag, as ``Run.clocked`` has them.
 
     Raises:
         BagError: no such file, not a bag, a truncated one, or one with a damaged index.
@@ -189,7 +170,7 @@ def open_bag(path: Path | str, *, own_names: bool = False, true_stamps: Collecti
             file = _mcap_file(path) if first_bytes(path).startswith(MCAP) else Ros1File(path)
     try:
         with read_errors(path):
-            bag = BagReader(path, file, own_names=own_names, true_stamps=true_stamps)
+            bag = BagReader(path, file, own_names=own_names)
         yield bag
     finally:
         file.close()
@@ -254,7 +235,7 @@ def decoder_of(store: Typestore, path: Path) -> Decoder:
     return decode
 
 
-BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all items
+BUDGET: Final = 16 * 2**20  # [byte]; the chunks of a view of 1280 x 720 with all items
 Key = tuple[Path, tuple[int, int], int]
 
 

@@ -77,33 +77,26 @@ def _measured(sensor: SensorConfig, found: Mapping[str, tuple[Any, float | None]
     if not names:
         return sensor
     values: dict[str, Any] = {"rate_hz": found[sensor.topic if sensor.topic in names else names[0]][1]}
-    message = found[names[0]][0]
-    with suppress(FieldtruthError, AttributeError, ValueError, TypeError, KeyError, IndexError):
-        values |= _sizes(message)
-        if {topic.name for topic in sensor.topics()} == {names[0]}:
-            values["frame"] = message.header.frame_id
-    known = {key: value for key, value in values.items() if value and key in type(sensor).model_fields}
+    values |= _stated(sensor, found[names[0]][0])
+    known = {key: value for key, value in values.items() if value}
     return sensor.model_copy(update=known)
 
 
-def _sizes(message: Any) -> dict[str, int]:
-    """Width and height of an image or a CameraInfo; rings and columns of a cloud, as far as its points have them."""
-    if not hasattr(message, "fields"):
-        return {key: int(getattr(message, key, 0)) for key in ("width", "height")}
-    rows = points(message)
-    values = {"rings": int(message.height), "columns": int(message.width)} if message.height > 1 else {}
-    present = [field for field in ("ring", "column") if field in (rows.dtype.names or ()) and len(rows)]
-    return values | {f"{field}s": int(rows[field].max()) + 1 for field in present}
+def _stated(sensor: SensorConfig, message: Any) -> dict[str, Any]:
+    """Return values that a sensor has by one of its messages; nothing if it cannot be understood."""
+    with suppress(FieldtruthError, AttributeError, ValueError, TypeError, KeyError, IndexError):
+        return sensor.measured(message, points(message) if hasattr(message, "fields") else None)
+    return {}
 
 
 def unlike(source: Source, message: Any) -> str:
     """Say in what a message of a sensor differs from its configuration: frame, size of images, rays of clouds."""
     frame = str(message.header.frame_id).strip("/") if hasattr(message, "header") else ""
     found = [f"the frame {frame!r}, not {source.frame!r}"] if source.frame and frame not in ("", source.frame) else []
-    for key, value in _sizes(message).items():
-        own = getattr(source.config, key, None)
+    for key, value in _stated(source.config, message).items():
+        own = getattr(source.config, key)
         # The uppermost rings may see the sky only, so that no point has their number.
-        if own and value and (value > own if key in ("rings", "columns") else value != own):
+        if key != "frame" and (value > own if key in ("rings", "columns") else value != own):
             found.append(f"{value} {key}, not {own}")
     return " and ".join(found)
 

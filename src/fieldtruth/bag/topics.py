@@ -14,11 +14,7 @@ from fieldtruth.core import readings
 from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.experiment.topic import WHEELS, Topic
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
@@ -114,6 +110,7 @@ _TYPES: Final[Mapping[str, type[readings.Reading]]] = {
     "sensor_msgs/msg/JointState": readings.Joints,
     "nav_msgs/msg/Odometry": readings.Odometry,
 }
+"""Type of the readings of an output that does not state it, by that of its messages."""
 
 
 @dataclass(frozen=True)
@@ -161,33 +158,20 @@ def sources_of(rig: Rig, *, disabled: bool = False) -> dict[str, Source]:
 
 
 def _sources(sensor: SensorConfig) -> Iterator[Source]:
-    if isinstance(sensor, CameraConfig):
-        yield from map(_view, sensor.imagers())
-        return
-    for output in sensor.outputs():
-        if output.ideal:
-            continue
-        found: dict[type[readings.Reading], dict[str, str]] = {}
-        for topic in output.topics:
-            if topic.name in WHEEL_SPEEDS:
-                parts, part = found.setdefault(readings.WheelSpeeds, {}), WHEELS[WHEEL_SPEEDS.index(topic.name)]
-            else:
-                parts, part = found.setdefault(_TYPES.get(topic.msgtype, readings.Message), {}), "main"
-            parts[part if part not in parts else topic.name] = topic.name
-        for kind, parts in found.items():
-            name = output.name if output.topics[0].name in parts.values() else f"{output.name}/others"
-            types = {topic.name: topic.msgtype for topic in output.topics if topic.name in parts.values()}
-            yield Source(name, name, kind, parts, types, output.frame, sensor, sensor.name)
-
-
-def _view(imager: Imager) -> Source:
-    sensor = imager.config
-    topics = {part: imager.topic_of(stream) for part, stream in PARTS.items()}
-    name = f"{sensor.name}/{imager.side}" if imager.side else imager.name
-    image = "sensor_msgs/msg/Image"
-    types: dict[str, Any] = dict.fromkeys(topics.values(), image)
-    types[topics["photo"]] = "sensor_msgs/msg/CompressedImage"
-    return Source(
-        name, imager.name, readings.Image, topics, types, imager.optical_frame, sensor, sensor.name, imager.side,
-        imager.topic_of("camera_info"),
-    )  # fmt: skip
+    for output in (each for each in sensor.outputs() if not each.ideal):
+        fields = output.fields or {"main": output.topics[0]}
+        kind = output.reading
+        if kind is readings.Message:
+            kind = _TYPES.get(output.topics[0].msgtype, kind)
+        yield Source(
+            name=output.name,
+            label=output.label or output.name,
+            type=kind,
+            topics={part: topic.name for part, topic in fields.items()},
+            msgtypes={topic.name: topic.msgtype for topic in fields.values()},
+            frame=output.frame,
+            config=sensor,
+            device=sensor.name,
+            side=output.part if kind is readings.Image else "",
+            info=output.info,
+        )

@@ -93,7 +93,7 @@ def keep_temporary_files_in_memory() -> None:
 
 
 def entries(folder: Path) -> list[Entry]:
-    """What is in a cache folder, the last used first; unfinished files of killed processes, too."""
+    """Return the entries of a cache folder, the last used first; unfinished files of killed processes, too."""
     found = []
     with suppress(OSError):
         paths = [path for path in folder.iterdir() if path.is_file() and path.suffix != _LOCK]

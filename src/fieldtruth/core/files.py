@@ -33,7 +33,7 @@ _REASONS: Final = {
 LOCK_OWNER: Final = ".lock.owner"
 """File in a locked folder: which process has locked it."""
 _NO_LOCKS: Final = (errno.ENOSYS, errno.ENOLCK, errno.ENOTSUP)
-"""What ``flock`` says on a file system that has no locks."""
+"""Errors of ``flock`` on a file system that has no locks."""
 _PATIENCE: Final = 0.3  # [s]
 
 
@@ -87,7 +87,7 @@ def remove_abandoned(path: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
-    """Whether a process exists; always true where this cannot be asked without harm."""
+    """Return whether a process exists; always true where a system cannot be asked without harm."""
     try:
         if os.name == "posix":
             os.kill(process, 0)

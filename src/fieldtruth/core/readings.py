@@ -23,7 +23,7 @@ Stamps = Any
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """What all readings have; those of small sensors may be a series of n readings, with arrays of n rows."""
+    """Base of all readings; those of small sensors may be a series of n readings, with arrays of n rows."""
 
     stamp_ns: Stamps
     """Time of the reading [ns], of the run's clock."""

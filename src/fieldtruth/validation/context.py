@@ -19,7 +19,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Spec, Tally
 
@@ -28,7 +28,7 @@ KEPT: Final = 4096
 
 
 def is_attitude(quaternion: Array) -> bool:
-    """Whether four numbers can be normalised to a unit quaternion."""
+    """Return whether four numbers can be normalised to a unit quaternion."""
     return bool(0.5 < np.linalg.norm(quaternion) < 2.0)
 
 
@@ -45,7 +45,7 @@ class MotionWindow:
 
     @property
     def started(self) -> bool:
-        """Whether there is any motion."""
+        """True if there is any motion."""
         return self._count > 0
 
     def add(self, stamp_ns: int, row: Array) -> None:
@@ -138,7 +138,7 @@ class Context:
 
     @property
     def has_weather(self) -> bool:
-        """Whether there is something in the air of the run."""
+        """True if there is something in the air of the run."""
         return self.experiment is not None and not self.experiment.weather.is_clear
 
     @property

@@ -81,7 +81,7 @@ def open_checked(bag: Path) -> tuple[Run, Check]:
 
 
 def was_bag(path: Path) -> bool:
-    """Whether an unreadable file is a damaged bag: it has the magic number, or files beside it belong to a bag."""
+    """Return whether an unreadable file is a damaged bag, by its magic number or by the files beside it."""
     try:
         with path.open("rb") as source:
             begins = source.read(len(MAGIC))
@@ -113,7 +113,7 @@ class BagFile:
 
     @property
     def readable(self) -> bool:
-        """Whether everything could be read so far."""
+        """True if everything could be read so far."""
         return self.tally[READABLE].wrong == 0
 
     def messages(self) -> Iterator[RawMessage]:
@@ -235,7 +235,7 @@ class OtherFile:
 
     @property
     def readable(self) -> bool:
-        """Whether everything could be read so far."""
+        """True if everything could be read so far."""
         return self.tally[READABLE].wrong == 0
 
     def messages(self) -> Iterator[RawMessage]:

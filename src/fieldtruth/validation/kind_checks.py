@@ -28,7 +28,7 @@ class LabelledPoints(NamedTuple):
 
 
 class Pass(NamedTuple):
-    """What checkers share during the pass over a bag."""
+    """Objects that checkers share during the pass over a bag."""
 
     context: Context
     objects: ObjectClasses
@@ -39,7 +39,7 @@ class Pass(NamedTuple):
     rays: RayReference | None
     """The second ray tracer, if the world was rebuilt."""
     full: bool
-    """Whether every image is retraced, not a sample."""
+    """True if every image is retraced, not a sample."""
     samples: int
     """Approximate number of sampled stamps."""
 
@@ -69,6 +69,6 @@ class KindChecks:
     extras: tuple[Spec, ...] = ()
     """Of what only some runs have."""
     extras_of: Callable[[Context], tuple[Spec, ...]] = lambda context: ()
-    """Which of the extras a run has."""
+    """Returns the extras that a run has."""
     points: Callable[[Rig], Sequence[LabelledPoints]] = lambda rig: ()
     """Its sensors in a rig whose readings are points with class and instance id."""

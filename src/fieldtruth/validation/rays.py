@@ -41,7 +41,7 @@ Outside = Callable[[float, float, float], float]
 
 
 class RobotHit(NamedTuple):
-    """Where a ray meets a part of the robot [m]; ``sure`` unless it grazes the part and may pass."""
+    """Range at which a ray meets a part of the robot [m]; ``sure`` unless it grazes the part and may pass."""
 
     range_m: float
     tolerance: float
@@ -69,7 +69,7 @@ def _round(centre: tuple[float, float, float], radius: float, width: float) -> O
 
 
 def robot_hits(parts: Sequence[Outside], origin: Array, direction: Array) -> list[RobotHit]:
-    """Where a ray from ``origin`` (3,) along the unit vector ``direction`` (3,), both in base_link, meets each part."""
+    """Return the hits on each part of a ray from ``origin`` (3,) along a unit vector (3,), both in base_link."""
     found = []
     (x, y, z), (dx, dy, dz) = origin.tolist(), direction.tolist()
     for outside in parts:
@@ -88,7 +88,7 @@ def robot_hits(parts: Sequence[Outside], origin: Array, direction: Array) -> lis
 
 
 def _least(along: Callable[[float], float], end: float) -> float:
-    """Where a convex function is least between 0 and ``end`` (golden sections)."""
+    """Return the argument of the least value of a convex function between 0 and ``end`` (golden sections)."""
     low, high = 0.0, end
     for _ in range(_SECTIONS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -100,7 +100,7 @@ def _least(along: Callable[[float], float], end: float) -> float:
 
 
 def _reached(along: Callable[[float], float], end: float, level: float) -> float:
-    """Where a function that falls from 0 to ``end`` reaches a level."""
+    """Return the argument at which a function that falls from 0 to ``end`` reaches a level (bisection)."""
     low, high = 0.0, end
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -125,7 +125,7 @@ ELSEWHERE: Final = 0.05
 
 
 class RayReading(NamedTuple):
-    """What a sensor measured along a ray."""
+    """Measurement of a sensor along a ray."""
 
     where: str
     origin: Array
@@ -140,7 +140,7 @@ class RayReading(NamedTuple):
     far: float
     """[m] beyond which the sensor sees nothing."""
     pulsed: bool
-    """Whether some classes return nothing."""
+    """True for a sensor of pulses, to which some classes return nothing."""
     in_base: tuple[Array, Array]
     """Origin and direction in base_link."""
 
@@ -167,7 +167,7 @@ class _Candidate(NamedTuple):
         return f"{names} of object {self.instance} at {self.range_m:.4f} m"
 
     def agrees(self, reading: RayReading) -> bool:
-        """Whether a reading may be of this surface."""
+        """Return whether a reading may be of this surface."""
         returning = {label for label in self.labels if not (reading.pulsed and label in NO_RETURN)}
         if reading.range_m == NOTHING:
             seen = reading.near + self.tolerance < self.range_m < reading.far - self.tolerance
@@ -217,7 +217,7 @@ def _of_robot(hit: RobotHit) -> _Candidate:
 
 
 def _opaque(hits: Hits, tolerance: Array, side: float) -> Mask:
-    """Which triangles a ray cannot pass: it hits them far from an edge, or where a neighbour continues behind it.
+    """Return the triangles that a ray cannot pass: hit far from an edge, or where a neighbour continues behind it.
 
     A neighbour of which the ray meets the other side does not continue: the ray clips a sharp edge and may pass beside.
     """
@@ -281,5 +281,5 @@ class RayReference(Checker):
 
 
 def close(mine: NDArray[np.floating[Any]], theirs: NDArray[np.floating[Any]]) -> Mask:
-    """Whether lengths [m] are the same in single precision, on any processor."""
+    """Return whether lengths [m] are the same in single precision, on any processor."""
     return np.asarray(np.abs(mine - theirs) <= 2e-5 + 1e-6 * np.abs(theirs))

@@ -21,7 +21,7 @@ from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Motion, Track
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class
@@ -180,7 +180,7 @@ def _decoded(store: Typestore, raw: RawMessage) -> Any:
 
 
 def _has_other_sensors(context: Context) -> bool:
-    """Whether a rig has sensors whose kind has no check of its own."""
+    """Return whether a rig has sensors whose kind has no check of its own."""
     return any(sensor_class(config) not in OWN for config in context.rig.in_order())
 
 

@@ -78,7 +78,7 @@ class Ground:
 
 
 def meets(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Mask:
-    """Whether rays up to their limits meet boxes."""
+    """Return whether rays up to their limits meet boxes."""
     near, far = np.zeros(()), limit
     for axis in range(3):
         along = ahead[..., axis]
@@ -120,7 +120,7 @@ class Hits(NamedTuple):
     cosine: Array
     """Of the angle between ray and normal."""
     front: Mask
-    """Whether the ray meets the side from which the corners run counterclockwise."""
+    """True where the ray meets the side from which the corners run counterclockwise."""
 
 
 class _Solid(NamedTuple):

@@ -111,7 +111,7 @@ class ClassComparison(NamedTuple):
 
     @property
     def has_wide_ids(self) -> bool:
-        """Whether the objects of the bag have ids of more than 16 bits."""
+        """True if the objects of the bag have ids of more than 16 bits."""
         return len(self.names) > WIDE_IDS
 
     def see(self, instance: NDArray[Any], label: NDArray[Any], where: Callable[[int], str]) -> None:
@@ -130,7 +130,7 @@ class ClassComparison(NamedTuple):
 
 
 class ObjectClasses(Checker):
-    """Which classes an object can have: those of its materials in the rebuilt world, else those its name suggests.
+    """Classes that an object can have: those of its materials in the rebuilt world, else those its name suggests.
 
     A lamp post is a lamp post from foot to lamp; a tree is trunk and treetop, the ground is ground and trail. A class
     that the object can have, at the wrong point, is found by retracing only.
