@@ -20,16 +20,14 @@ from views import poses_on_route
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.catalogue import datasheet_of, preset_of
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.sensor_models import datasheet_of, preset_of
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal, StereoConfig
 from fieldtruth.sensors.camera.message import camera_jpeg
-from fieldtruth.sensors.camera.response import LUMINANCE
-from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.photo import LUMINANCE
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
 YAW_RATE = 0.5  # [rad/s] of the robot that turns

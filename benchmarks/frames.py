@@ -23,6 +23,7 @@ from fieldtruth.pipeline import prepare
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.simulation.motion import without_wheels
+from fieldtruth.simulation.stepped import Simulation
 
 NEAR_PIXELS = 100
 """A named object counts as shown where it has so many pixels of 320 x 184."""
@@ -42,7 +43,7 @@ def frames(name: str, count: int) -> Experiment:
 
 def cost(experiment: Experiment) -> float:
     """CPU time [s] of sensing, labelling and writing, without building the world, driving and baking light."""
-    prepared = prepare(experiment, None, Silent())
+    prepared = prepare(Simulation(experiment), Silent())
     with tempfile.TemporaryDirectory() as folder:
         slices = prepared.slices(Path(folder))
         start = process_time()
@@ -54,7 +55,7 @@ def shown(experiment: Experiment) -> tuple[int, Iterator[Mask]]:
     """Number of named objects, and for each left image which of them it shows."""
     rig = experiment.rig.with_sensors(LidarConfig, enabled=False)
     rig = rig.with_sensors(CameraConfig, width=320, height=184, instances=True)
-    prepared = prepare(experiment.model_copy(update={"rig": rig}), None, Silent())
+    prepared = prepare(Simulation(experiment.model_copy(update={"rig": rig})), Silent())
     named = len(prepared.world.instances)
 
     def images() -> Iterator[Mask]:

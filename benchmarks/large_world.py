@@ -22,8 +22,8 @@ from fieldtruth.bench import Settings, settings_of
 from fieldtruth.core.arrays import Array
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import build_world, load_world, read_world, save_world
 from fieldtruth.world.model import World
 

@@ -34,7 +34,7 @@ from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.materials import material_table
 from fieldtruth.sense.scene import Scene, terrain_nodes
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Material, Mesh, Raster, World
 

@@ -21,7 +21,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.interchange.inventory import COLUMNS, inventory
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
-from fieldtruth.world.environments.forest.plants import TREE_DETAIL
+from fieldtruth.world.environments.planting import PLANTINGS
 from fieldtruth.world.materials import ISO_CLASSES
 from fieldtruth.world.model import Heightfield, Mesh, World
 from fieldtruth.world.plants import GRASSES, TREES, grow_tree
@@ -178,7 +178,7 @@ def crowns() -> Iterator[Row]:
             grow_tree(
                 TREES[name], name=name, height=20.0, rng=np.random.default_rng(3), detail=detail, grown_in="stand"
             )
-            for detail in (1.0, TREE_DETAIL["old"])
+            for detail in (1.0, PLANTINGS["forest"].groups["old"].detail)
         )
         own, true = crown_statistics(coarse, fine, 12.0), crown_statistics(fine, fine, 12.0)
         passing = f"{own.passing:.0%} pass, {own.jumps:.0%} jump above 0.5 m, by {1e2 * own.median_jump:.0f} cm"

@@ -31,7 +31,7 @@ from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import point_velocity, read_imu
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig

@@ -27,7 +27,7 @@ from fieldtruth.experiment.files import load_experiment, read_signal, with_overr
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
 ROUTES: Final = ("park_1", "lake_1", "forest_1", "hillside_1")

@@ -25,7 +25,7 @@ from fieldtruth.kernels.photograph import Framebuffer, find_edges, store
 from fieldtruth.kernels.shading import PASSES, shade_hits
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
 ENVIRONMENTS: Final = ("park", "lake", "forest", "hillside")

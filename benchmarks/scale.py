@@ -32,6 +32,7 @@ from fieldtruth.pipeline import PreparedHere, prepare
 from fieldtruth.record.slices import SLICE_NS
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.build import build_world, world_of
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
@@ -56,7 +57,7 @@ def of_environment(name: str) -> Figures:
     experiment = with_overrides(load_experiment(f"{name}_1"), seconds=DRIVE_S)
     ready: list[PreparedHere] = []
     figures = {"build_s": cpu_s(lambda: build_world(experiment.environment, experiment.seed, experiment.layout))}
-    load_and_drive_s = cpu_s(lambda: ready.append(prepare(experiment, None, Silent())))
+    load_and_drive_s = cpu_s(lambda: ready.append(prepare(Simulation(experiment), Silent())))
     load_s = cpu_s(lambda: world_of(experiment))
     figures |= {"load_s": load_s, "drive_s_per_s": (load_and_drive_s - load_s) / DRIVE_S}
     with TemporaryDirectory() as folder:
@@ -117,7 +118,7 @@ def efficiency() -> Figures:
     experiment, took = with_overrides(load_experiment("park_1"), seconds=12.0), {}
     for workers in (1, 2):
         with cluster_engine(processes=workers) as engine, TemporaryDirectory() as folder:
-            prepared = engine(experiment, None, Silent())
+            prepared = engine(Simulation(experiment), Silent())
             path = Path(folder) / prepared.key
             path.mkdir()
             slices = prepared.slices(path)

@@ -22,7 +22,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Instance, World
 

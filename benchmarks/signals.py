@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core import transforms
-from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.experiment.catalogue import datasheet_of
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

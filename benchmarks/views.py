@@ -7,9 +7,8 @@ import numpy as np
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.config import Route
+from fieldtruth.experiment.config import Route, metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.model import World
 
 

@@ -20,7 +20,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
 VIEWS, COLUMNS = 10, 5

@@ -16,8 +16,7 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check, world
 from fieldtruth.validation.runner import validate

@@ -30,15 +30,13 @@ from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.pipeline import PreparedHere
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.stream import Sensors
-from fieldtruth.record.streams import streams_of
-from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.camera.sensor import CameraSensor
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.kind import Sensor, SensorWorld
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import sweep_times_ns
 from fieldtruth.sensors.lidar.sensor import LidarSensor
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World

@@ -22,15 +22,14 @@ from fieldtruth.bench.sensors import Stretches, pixel_directions, record, stretc
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, metres_from_route, route_from_metres
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.route import metres_from_route, route_from_metres
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment

@@ -20,7 +20,7 @@ import fieldtruth
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.experiment.sensor_models import TITLES, list_models
+from fieldtruth.experiment.catalogue import TITLES, list_models
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 

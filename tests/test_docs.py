@@ -21,13 +21,11 @@ from fieldtruth import exporters
 from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.fields import Mount, condition_at, models_of
 from fieldtruth.experiment.files import load_experiment, parse_experiment
-from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import MountedConfig
-from fieldtruth.experiment.signal_config import FORMS
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.experiment.sensor_config import FORMS, MountedConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.kind import SensorWorld

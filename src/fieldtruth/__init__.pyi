@@ -47,6 +47,9 @@ from .experiment.config import Experiment as Experiment
 from .experiment.config import MetresRouteConfig as MetresRouteConfig
 from .experiment.config import RandomRouteConfig as RandomRouteConfig
 from .experiment.config import RouteConfig as RouteConfig
+from .experiment.config import random_route as random_route
+from .experiment.config import route_from_metres as route_from_metres
+from .experiment.config import route_yaml as route_yaml
 from .experiment.fields import Mount as Mount
 from .experiment.files import dump_experiment as dump_experiment
 from .experiment.files import load_experiment as load_experiment
@@ -57,9 +60,6 @@ from .experiment.rig import Rig as Rig
 from .experiment.rig import paper_rig as paper_rig
 from .experiment.robot_config import RobotConfig as RobotConfig
 from .experiment.robot_config import WheelConfig as WheelConfig
-from .experiment.route import random_route as random_route
-from .experiment.route import route_from_metres as route_from_metres
-from .experiment.route import route_yaml as route_yaml
 from .experiment.sensor_config import MountedConfig as MountedConfig
 from .experiment.sensor_config import SensorConfig as SensorConfig
 from .experiment.sensor_families import OPTICAL as OPTICAL
@@ -79,12 +79,12 @@ from .report.viewer import view as view
 from .sense.scene import Scene as Scene
 from .sense.scene import cast_rays as cast_rays
 from .sensors.camera.config import CameraConfig as CameraConfig
+from .sensors.camera.config import StereoConfig as StereoConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
 from .sensors.camera.labels import LabelImages as LabelImages
 from .sensors.camera.labels import tag_image as tag_image
+from .sensors.camera.sensing import Camera as Camera
 from .sensors.camera.sensing import CameraImages as CameraImages
-from .sensors.camera.signal_camera import Camera as Camera
-from .sensors.camera.stereo_config import StereoConfig as StereoConfig
 from .sensors.gnss.config import GnssConfig as GnssConfig
 from .sensors.imu.config import ImuConfig as ImuConfig
 from .sensors.kind import At as At
@@ -93,7 +93,7 @@ from .sensors.kind import Movement as Movement
 from .sensors.kind import Sensor as Sensor
 from .sensors.kind import SensorWorld as SensorWorld
 from .sensors.lidar.config import LidarConfig as LidarConfig
-from .sensors.lidar.measuring import Lidar as Lidar
+from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .simulation.ahead import frames as frames
 from .simulation.due import Frame as Frame

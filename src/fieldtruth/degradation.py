@@ -27,7 +27,7 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import Stream
 from fieldtruth.simulation.stepped import Simulation
 
 _CHUNKS: Final = 16

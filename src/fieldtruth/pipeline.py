@@ -24,10 +24,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import run_folder
-from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
-from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import Sensors, Stream, sensor_factory, streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.known import sensor_class

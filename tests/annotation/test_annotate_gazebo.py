@@ -25,8 +25,8 @@ from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.message import camera_matrix
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 

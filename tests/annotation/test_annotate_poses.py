@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World

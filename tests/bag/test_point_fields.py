@@ -14,7 +14,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
-from fieldtruth.experiment.sensor_models import list_models
+from fieldtruth.experiment.catalogue import list_models
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.message import point_cloud
 

@@ -10,9 +10,8 @@ from record_fakes import make_experiment
 from fieldtruth.campaign.draw import simulated_s
 from fieldtruth.campaign.estimate import Figures, combined, grouped
 from fieldtruth.campaign.state import clock, size
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, random_route
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.route import random_route
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 FIGURES = Figures(world_s=100, fixed_s=10, drive_s_per_s=0.5, sense_s_per_s=4, bytes_once=7, bytes_per_s=1000, memory=3)

@@ -14,9 +14,8 @@ from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import DriveMonitor, WaypointFollower
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.surroundings import WheelSoil
-from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.config import Experiment, RouteConfig, geodetic_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
 

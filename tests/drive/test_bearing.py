@@ -13,7 +13,7 @@ from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.ground import BEARING_SPACING, bearing_field
 from fieldtruth.drive.physics import Command
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.model import World

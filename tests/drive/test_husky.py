@@ -10,8 +10,7 @@ from drive_worlds import F8, make_robot, make_world, tilted
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.physics import STOP, Command, build_physics, ramp, wheel_speeds
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS, RobotConfig, WheelConfig
 from fieldtruth.world.model import World
 
 

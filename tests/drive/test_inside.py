@@ -9,7 +9,7 @@ from drive_worlds import make_world, obstacle
 from fieldtruth.core.errors import TrackError
 from fieldtruth.drive.given_motion import check_motion, motion_along
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import World
 

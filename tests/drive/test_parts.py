@@ -15,8 +15,8 @@ from fieldtruth.drive.ground import WorldParts, bearing_field
 from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import CELL, Outline, Traversability, distance_to
+from fieldtruth.experiment.config import random_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import random_route
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

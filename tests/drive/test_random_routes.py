@@ -17,9 +17,8 @@ from fieldtruth.drive.plan import TrialDrive, expected_seconds, plan_and_drive, 
 from fieldtruth.drive.routes import RouteGrid
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import Traversability
-from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
+from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig, metres_from_route, random_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import metres_from_route, random_route
 from fieldtruth.world.model import World
 
 

@@ -22,10 +22,10 @@ from fieldtruth.drive.physics import STOP, Command, body_boxes, servo_scale
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.drive.traversability import Traversability, obstacle_height
+from fieldtruth.experiment.catalogue import list_robots, robot_data, robot_names
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.robot_models import list_robots, robot_data, robot_names
 from fieldtruth.gazebo.robot.parts import check_rig
 from fieldtruth.world.model import World
 

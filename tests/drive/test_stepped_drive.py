@@ -12,7 +12,7 @@ from drive_worlds import hills, make_experiment, make_world
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.simulate import Drive, drive
 from fieldtruth.drive.track import Motion, Track, WheelMotion
-from fieldtruth.experiment.route import geodetic_route
+from fieldtruth.experiment.config import geodetic_route
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.sensing import GnssTruth, read_gnss
 from fieldtruth.sensors.imu.config import ImuConfig

@@ -12,7 +12,7 @@ from fieldtruth.drive import surroundings
 from fieldtruth.drive.plan import TrialDrive
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.route import route_from_metres
+from fieldtruth.experiment.config import route_from_metres
 from fieldtruth.world.model import World
 
 ROUTE = np.array([(-10.0, -3.0), (-6.0, -3.0), (-2.0, -1.0), (1.0, 2.0), (-2.0, 4.0), (-5.0, 2.0)])

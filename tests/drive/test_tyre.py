@@ -10,7 +10,7 @@ from scipy.signal import welch
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.physics import Command
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS
 
 RADIUS = 0.1651
 MOUNTS = np.array([Rig().mounts()[f"{name}_wheel"].xyz for name in WHEELS])

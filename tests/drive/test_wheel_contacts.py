@@ -14,8 +14,8 @@ from fieldtruth.drive.controller import DriveMonitor, WaypointFollower
 from fieldtruth.drive.physics import STOP, Command, build_physics
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.surroundings import WheelContacts
+from fieldtruth.experiment.config import geodetic_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.kernels.soil import Wheels
 from fieldtruth.world.model import World
 

@@ -22,12 +22,11 @@ from fieldtruth import (
     UnknownNameError,
 )
 from fieldtruth.experiment.catalogue import experiment_names, list_experiments
-from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.experiment.config import ControlConfig, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.world.build import check_experiment
 

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from fieldtruth import ConfigurationError
+from fieldtruth.experiment.catalogue import figures_of, list_models
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.sensor_models import figures_of, list_models
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 LIDARS = list_models("lidar")

@@ -12,8 +12,7 @@ from fieldtruth.campaign.draw import draw
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
-from fieldtruth.experiment.light_config import PRESETS, LightConfig, Preset
-from fieldtruth.experiment.sun_position import sun_position
+from fieldtruth.experiment.light_config import PRESETS, LightConfig, Preset, sun_position
 
 BASE = "name: a\nenvironment: park\nroute: {random: {length_m: 50, seed: 1}}\n"
 

@@ -16,8 +16,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 

@@ -5,8 +5,7 @@
 import numpy as np
 import yaml
 
-from fieldtruth.experiment.config import RouteConfig
-from fieldtruth.experiment.route import metres_from_route, route_from_metres, route_yaml
+from fieldtruth.experiment.config import RouteConfig, metres_from_route, route_from_metres, route_yaml
 
 
 def test_round_trip_of_metres_and_degrees_is_within_a_tenth_of_a_millimetre() -> None:

@@ -7,9 +7,8 @@ import pytest
 
 from fieldtruth import RandomRouteConfig, RouteConfig, route_from_metres
 from fieldtruth.core.errors import ConfigurationError, RouteError
-from fieldtruth.experiment.config import Experiment, MetresRouteConfig
+from fieldtruth.experiment.config import Experiment, MetresRouteConfig, geodetic_route, metres_from_route, random_route
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
-from fieldtruth.experiment.route import geodetic_route, metres_from_route, random_route
 
 FORMS = (
     "one of {start: ..., waypoints: ...}, {metres: {start: ..., waypoints: ...}}, {random: {length_m: ..., seed: ...}}"

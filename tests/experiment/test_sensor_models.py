@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.catalogue import TITLES, figures_of, list_models, models
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.sensor_models import TITLES, figures_of, list_models, models
 
 ROUTE = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}"
 PAGE = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text(encoding="utf-8")

@@ -10,10 +10,9 @@ import pytest
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.random import rng_of
-from fieldtruth.experiment import sensor_models
+from fieldtruth.experiment import catalogue
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, read_signal, with_overrides
-from fieldtruth.experiment.sensor_config import KINDS, MountedConfig
-from fieldtruth.experiment.signal_config import SignalConfig
+from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SignalConfig
 
 MODEL = {"description": "one", "figures": {}, "noise": {"sigma": {"value": 0.25, "source": "a test"}}}
 
@@ -25,11 +24,11 @@ class _Signal(SignalConfig):
 @pytest.fixture
 def _kind(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Add the kind thermometer, with one model."""
-    models = sensor_models.models
+    models = catalogue.models
     monkeypatch.setattr(
-        sensor_models, "models", lambda kind: {"thermo_1": MODEL} if kind == "thermometer" else models(kind)
+        catalogue, "models", lambda kind: {"thermo_1": MODEL} if kind == "thermometer" else models(kind)
     )
-    monkeypatch.setattr("fieldtruth.experiment.sensor_config.models", lambda kind: sensor_models.models(kind))
+    monkeypatch.setattr("fieldtruth.experiment.sensor_config.models", lambda kind: catalogue.models(kind))
 
     class _Thermometer(MountedConfig):
         datasheet: ClassVar[str] = "thermo_1"

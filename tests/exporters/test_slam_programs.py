@@ -23,8 +23,7 @@ from fieldtruth.exporters.slam_configs import (
     orb_slam3,
     rko_lio,
 )
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.imu.config import ImuConfig, ImuSignal
 
 FLOAT32, FLOAT64, UINT8, UINT16, UINT32 = 7, 8, 2, 4, 6
 NOISE = ImuNoise(1e-3, 0.1, 1e-4, 0.01)

@@ -18,8 +18,7 @@ from fieldtruth.bag.topics import ODOMETRY
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, rotation_from_quaternion_wxyz
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import WHEELS, WheelConfig
 
 JOINTS = "/joint_states"
 STEPS = 100

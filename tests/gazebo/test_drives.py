@@ -23,7 +23,7 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_ros()), reason=missing_ros() or "-")]

@@ -27,7 +27,7 @@ from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import write_robot
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 

@@ -21,12 +21,11 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
-from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions

@@ -20,10 +20,10 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.bag import topics
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.experiment.config import geodetic_route, metres_from_route
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
 from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix

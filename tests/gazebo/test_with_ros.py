@@ -18,9 +18,9 @@ from test_ros_package import small_park
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.experiment.config import geodetic_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import write_ros_package
 

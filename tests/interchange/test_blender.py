@@ -26,8 +26,8 @@ from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.interchange import write_scene
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import load_world
 
 SCRIPT: Final = Path(__file__).with_name("blender_render.py")

@@ -19,8 +19,8 @@ from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

@@ -23,7 +23,7 @@ from fieldtruth.core.errors import DriveError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.pipeline import generate_by
 from fieldtruth.record.slices import Slices, slices_key
 

@@ -19,7 +19,7 @@ from fieldtruth.core.cache_folder import entries
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.world.build import world_key, world_of
 
 RUN = "import sys; from fieldtruth.cli import main; sys.exit(main(sys.argv[1:]))"

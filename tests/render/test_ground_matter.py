@@ -28,10 +28,9 @@ from fieldtruth.render.materials import (
     wet_albedo,
 )
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.labels import pinhole
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.world.model import World
 from fieldtruth.world.textures import make_texture
 

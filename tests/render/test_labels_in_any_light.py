@@ -17,10 +17,9 @@ from sense_worlds import F8, at, box, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
-from fieldtruth.experiment.light_config import PRESETS, Preset
+from fieldtruth.experiment.catalogue import preset_of
+from fieldtruth.experiment.light_config import PRESETS, Preset, WeatherConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.experiment.sensor_models import preset_of
-from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.bake import BakedScene, bake
@@ -29,8 +28,7 @@ from fieldtruth.render.materials import material_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 

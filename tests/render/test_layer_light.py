@@ -16,8 +16,8 @@ from fieldtruth.kernels.packets import new_packet
 from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.materials import GROUND_TYPES
 from fieldtruth.world.model import World
 

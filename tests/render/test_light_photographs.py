@@ -13,8 +13,8 @@ from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.render.atmosphere import LUMINANCE
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera
 
 SMALL = StereoConfig(width=320, height=184)
 NAMES: tuple[Preset, ...] = ("clear_morning", "dusk", "overcast")

@@ -12,8 +12,8 @@ from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.light import bake_light
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera
 
 SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)  # in the north, at +x
 WAVE = 0.4  # [m]

@@ -11,15 +11,13 @@ from sense_worlds import at, box, make_world
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, Cylinder
+from fieldtruth.experiment.rig import Box, Cylinder, Rig
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.robot import RobotView, part_table, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 ROBOT = int(Label.ROBOT)
 NORTH = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)

@@ -16,9 +16,9 @@ from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
 from fieldtruth.kernels.shading import new_secondary_batch, water_rays
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 

@@ -8,16 +8,15 @@ from sense_worlds import at, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.light import AZIMUTHS, EXPOSURE, azimuth_of, fog_length, sky_radiance
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.daylight import sun_direction
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera
 
 SMALL = StereoConfig(width=320, height=184)
 POSE = transforms.pose((0, 0, 5.0), (0, 0, 0)) @ OPTICAL

@@ -7,10 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, route_from_metres
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.route import route_from_metres
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig

@@ -10,8 +10,7 @@ import pytest
 from many_sensors import many_rig
 
 from fieldtruth.core import lenses
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import chassis_box
+from fieldtruth.experiment.rig import Rig, chassis_box
 from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.report.rig.coverage import (
     SensorView,

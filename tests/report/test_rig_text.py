@@ -14,8 +14,8 @@ from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.experiment.catalogue import list_robots
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_models import list_robots
 from fieldtruth.report.rig import FORMATS, sensor_table
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.imu.config import ImuConfig

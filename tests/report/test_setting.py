@@ -12,9 +12,8 @@ from record_fakes import make_experiment, make_track, make_world
 
 from fieldtruth.bag.run import Run
 from fieldtruth.experiment.config import Experiment, FramesConfig
-from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.exporters.frames import Member
 from fieldtruth.exporters.huggingface_card import card_text, croissant_text
 from fieldtruth.ontology import label_map_of

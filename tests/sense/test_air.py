@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.kernels.lidar_noise import Air, strongest_echo, transmitted
 from fieldtruth.kernels.light import fog_length
 from fieldtruth.sense.air import Beam, Drops, clear_extinction, extinction, fog_extinction, make_air, rain, snow

@@ -12,13 +12,13 @@ from sense_worlds import built_scene, make_world, trace_rays
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS

@@ -11,11 +11,10 @@ from sense_worlds import F8, at, box, floating
 from fieldtruth import cli
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.sensor_models import list_models
+from fieldtruth.experiment.catalogue import list_models
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.beams import column_times_ns, ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, column_times_ns, ray_directions, ray_times_ns, sweep_times_ns
 
 TOLERANCE = 1e-4  # [m]
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from sense_worlds import F8, at, box, floating
 
-from fieldtruth.sensors.lidar.beams import column_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, column_times_ns, ray_directions
 
 PERIOD_NS = 100_000_000
 

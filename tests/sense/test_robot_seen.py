@@ -12,8 +12,7 @@ from sense_worlds import at, box, floating, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
+from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.robot import NO_FACE, RIM
 from fieldtruth.report.rig.coverage import ground_coverage
@@ -30,9 +29,8 @@ from fieldtruth.sense.robot import (
 )
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.sensors.lidar.config import LidarSignal
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, ray_directions
 
 F8 = NDArray[np.float64]
 HUSKY = Rig()

@@ -9,8 +9,8 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world,
 
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.model import Raster
 
 

@@ -12,14 +12,13 @@ from sense_worlds import F8, built_scene, trace_rays
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
+from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
-from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, pinhole, tag_image
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 RIG = Rig()

@@ -11,8 +11,8 @@ from sense_worlds import at, box, make_world, trace_rays
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.model import Swarm, World
 
 

@@ -9,8 +9,8 @@ from sense_worlds import F8, box, built_scene, make_world, trace_rays
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.tracer import ReferenceTracer
 

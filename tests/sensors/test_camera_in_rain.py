@@ -11,18 +11,24 @@ from sense_worlds import make_world
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.air import rain, snow
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.on_glass import drops_at, dust_of
-from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.streaks import APERTURE, Particles, fall_speed, particles_of, streak_of
+from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
+from fieldtruth.sensors.camera.sensing import (
+    APERTURE,
+    Camera,
+    CameraImages,
+    Particles,
+    drops_at,
+    dust_of,
+    fall_speed,
+    particles_of,
+    streak_of,
+)
 
 FOCAL = 500.0
 LENS = lenses.Lens("pinhole", FOCAL, FOCAL, 319.5, 179.5, (), np.pi)

@@ -9,12 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.experiment.catalogue import datasheet_of, models
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.experiment.sensor_models import datasheet_of, models
 from fieldtruth.kernels.camera import interpolate
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.exposure import (
+from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
+from fieldtruth.sensors.camera.photo import Developer, encoded, sensor_of
+from fieldtruth.sensors.camera.sensing import (
     METERINGS,
     daylight,
     exposure_of,
@@ -22,10 +23,6 @@ from fieldtruth.sensors.camera.exposure import (
     metering_lags,
     white_balance,
 )
-from fieldtruth.sensors.camera.photo import Developer
-from fieldtruth.sensors.camera.raw import sensor_of
-from fieldtruth.sensors.camera.response import encoded
-from fieldtruth.sensors.camera.signal import CameraSignal
 
 SIZE = 256
 CONFIG = CameraConfig(width=SIZE, height=SIZE, horizontal_fov_deg=60.0, vertical_fov_deg=50.0)

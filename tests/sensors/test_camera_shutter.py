@@ -14,17 +14,15 @@ from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.drive.track import sweep_steps
+from fieldtruth.experiment.catalogue import datasheet_of
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.kernels.photograph import render_strips, strips_of
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraSignal, StereoConfig
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 WIDTH, HEIGHT = 320, 240
 STAMP = 2_000_000_000

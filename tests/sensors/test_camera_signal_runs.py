@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from fieldtruth.bag.reader import open_bag
+from fieldtruth.experiment.catalogue import preset_of
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.pipeline import generate
 from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate

@@ -14,9 +14,9 @@ from fieldtruth.bag.decode import Reading, points, read_bag, stamp_ns
 from fieldtruth.bag.reader import RawMessage, decoder_of, open_bag
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
-from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.record.clocks import ClockReadings, read_clock
+from fieldtruth.experiment.sensor_config import ClockConfig
+from fieldtruth.record.streams import ClockReadings, read_clock
 from fieldtruth.sensors.kind import At, Movement
 from fieldtruth.sensors.lidar.config import LidarConfig
 

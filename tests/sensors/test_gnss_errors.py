@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.random import GaussMarkov
-from fieldtruth.sensors.gnss import noise
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import sky_at
-from fieldtruth.sensors.gnss.navigation import ENU, PositionFilter, RangeErrors
-from fieldtruth.sensors.gnss.signal import GnssSignal
-from fieldtruth.sensors.gnss.solution import solve
+from fieldtruth.sensors.gnss import sensing
+from fieldtruth.sensors.gnss.config import GnssConfig, GnssSignal
+from fieldtruth.sensors.gnss.sensing import ENU, PositionFilter, RangeErrors, sky_at, solve
 
 RNG = np.random.default_rng
 
@@ -110,12 +107,12 @@ def test_without_a_filter_the_covariance_is_that_of_least_squares() -> None:
 def test_obliquity_and_strength() -> None:
     for elevation in np.radians([0.0, 5.0, 30.0, 90.0]):  # by the law of sines in the triangle to the layer
         zenith_there = np.arcsin(6378.137 / (6378.137 + 350.0) * np.cos(elevation))
-        assert noise.obliquity(np.sin(elevation)) == pytest.approx(1.0 / np.cos(zenith_there))
+        assert sensing.obliquity(np.sin(elevation)) == pytest.approx(1.0 / np.cos(zenith_there))
     signal = GnssSignal(cn0_zenith_dbhz=50.0, cn0_horizon_dbhz=40.0)
-    ratio = noise.carrier_to_noise(np.array([1.0, 0.5, 1.0]), np.array([1.0, 1.0, 0.5]), signal)
+    ratio = sensing.carrier_to_noise(np.array([1.0, 0.5, 1.0]), np.array([1.0, 1.0, 0.5]), signal)
     assert ratio == pytest.approx([50.0, 45.0, 50.0 - 6.0206], abs=1e-3)
     noisy = GnssSignal(white_sigma_m=1.0)
-    white = noise.sigmas(np.ones((1, 2)), np.array([[45.0, 25.0]]), np.zeros(1, np.int64), noisy)[2]
+    white = sensing.sigmas(np.ones((1, 2)), np.array([[45.0, 25.0]]), np.zeros(1, np.int64), noisy)[2]
     assert white[0] == pytest.approx([1.0, 10.0])  # a hundredth of the power
 
 
@@ -128,7 +125,7 @@ def test_open_sky_has_the_error_of_the_data_sheet(model: str, state: int, middle
     assert signal is not None
     stamps = np.arange(0, 86_400, 600) * 10**9
     sky = sky_at(None, np.zeros((len(stamps), 3)), stamps, signal)
-    sigma = noise.sigmas(sky.directions[..., 2], sky.ratio, np.full(len(stamps), state), signal)
+    sigma = sensing.sigmas(sky.directions[..., 2], sky.ratio, np.full(len(stamps), state), signal)
     gain = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma))).gain
     drawn = RNG(0).standard_normal((200, *sky.used.shape)) * np.sqrt(sum(each**2 for each in sigma))
     error = np.einsum("tin,ktn->kti", np.nan_to_num(gain), np.where(sky.used, drawn, 0.0))
@@ -139,21 +136,21 @@ def test_states_of_rtk() -> None:
     signal = GnssSignal(mode="rtk", rtk_cn0_min_dbhz=35.0, rtk_min_satellites=5, rtk_fix_s=2.0)
     ratio = np.full((10, 6), 40.0)
     ratio[3, :2] = 30.0
-    states = noise.RtkStates(RNG(0), 1.0, signal).extend(ratio)
+    states = sensing.RtkStates(RNG(0), 1.0, signal).extend(ratio)
     assert states.tolist() == [2, 2, 2, 1, 1, 2, 2, 2, 2, 2]
-    assert (noise.RtkStates(RNG(0), 1.0, signal).extend(np.full((5, 4), 40.0)) == noise.FLOAT).all()
+    assert (sensing.RtkStates(RNG(0), 1.0, signal).extend(np.full((5, 4), 40.0)) == sensing.FLOAT).all()
 
 
 def test_rates_of_losses() -> None:
     ratio, hours = np.full((400_000, 6), 40.0), 400_000 / 3600.0
     lost = GnssSignal(mode="rtk", rtk_losses_per_hour=6.0, rtk_fix_s=3.0)
-    states = noise.RtkStates(RNG(1), 1.0, lost).extend(ratio)
+    states = sensing.RtkStates(RNG(1), 1.0, lost).extend(ratio)
     begun = np.count_nonzero(np.diff(states) == -1)
     assert begun == pytest.approx(6.0 * hours, abs=5.0 * np.sqrt(6.0 * hours))
-    assert np.count_nonzero(states == noise.FLOAT) == pytest.approx(3 * begun, rel=0.03)
+    assert np.count_nonzero(states == sensing.FLOAT) == pytest.approx(3 * begun, rel=0.03)
     cut = GnssSignal(mode="rtk", link_losses_per_hour=6.0, link_loss_s=20.0)
-    states = noise.RtkStates(RNG(2), 1.0, cut).extend(ratio)
+    states = sensing.RtkStates(RNG(2), 1.0, cut).extend(ratio)
     share = 6.0 * 20.0 / 3600.0  # of the time, as pauses rarely meet
-    assert np.mean(states == noise.SINGLE) == pytest.approx(share, rel=0.2)
-    assert not (states == noise.FLOAT).any()
-    assert np.array_equal(noise.RtkStates(RNG(2), 1.0, cut).extend(ratio[:999]), states[:999])
+    assert np.mean(states == sensing.SINGLE) == pytest.approx(share, rel=0.2)
+    assert not (states == sensing.FLOAT).any()
+    assert np.array_equal(sensing.RtkStates(RNG(2), 1.0, cut).extend(ratio[:999]), states[:999])

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.sensors.gnss.almanac import (
+from fieldtruth.sensors.gnss.sensing import (
     EARTH_RATE,
     GRAVITATION,
     TIME_OF_WEEK,

@@ -20,7 +20,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import GnssErrors
+from fieldtruth.sensors.gnss.sensing import GnssErrors
 from fieldtruth.sensors.gnss.sensor import Gnss, _line
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.validation.check import Tally

@@ -7,7 +7,7 @@ import pytest
 from sense_worlds import at, box, floating, make_world, quad
 
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.gnss.visibility import RAYS, WAVELENGTH, amplitudes, sunflower
+from fieldtruth.sensors.gnss.sensing import RAYS, WAVELENGTH, amplitudes, sunflower
 
 HERE = np.zeros(3)
 

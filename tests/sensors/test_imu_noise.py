@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.track import ImuReadings, stamps_at_rate
-from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised
-from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.imu.config import ImuSignal
+from fieldtruth.sensors.imu.sensing import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised
 
 Floats = NDArray[np.float64]
 RATE = 100.0

@@ -12,19 +12,16 @@ from sense_worlds import at, box, floating, quad
 
 from fieldtruth.bag import decode
 from fieldtruth.bag.readings import cloud_of, reflectivity
+from fieldtruth.experiment.catalogue import datasheet_of
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.exporters.kitti import xyz_and_reflectance
 from fieldtruth.kernels.lidar import TURNS
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.echoes import sub_rays_of
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import IdealLidar
+from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, sub_rays_of
 from fieldtruth.sensors.lidar.sensor import LidarSensor
-from fieldtruth.sensors.lidar.signal import LidarSignal
 
 signal_of = LidarSignal.model_validate
 

@@ -13,16 +13,13 @@ from sense_worlds import at, box, floating, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.experiment.catalogue import datasheet_of, list_models
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.experiment.sensor_models import datasheet_of, list_models
 from fieldtruth.kernels.lidar import EchoBuffers, brightness
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.noise import limit_of
-from fieldtruth.sensors.lidar.reflectance import Reflectance, reflectance_of
-from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.sensing import Lidar, Reflectance, limit_of, reflectance_of
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material
 

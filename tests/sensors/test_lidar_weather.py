@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from sense_worlds import at, floating, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.kernels.light import fog_length
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.sensing import Lidar
 
 signal_of = LidarSignal.model_validate
 

@@ -9,12 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, box, floating
 
-from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.sensors.lidar.check_points import NoiseTally, ideal_points
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.experiment.catalogue import datasheet_of
+from fieldtruth.sensors.lidar.check import NoiseTally, ideal_points
+from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, ray_directions
 from fieldtruth.validation.check import Check
 
 signal_of = LidarSignal.model_validate

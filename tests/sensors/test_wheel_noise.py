@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 
 from fieldtruth.drive.track import TachometerReadings, WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors, counted
-from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, TrueWheels, WheelTruth, effective_track
-from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig, WheelSignal
+from fieldtruth.sensors.wheel_odometry.sensing import (
+    DeadReckoning,
+    MeasuredWheels,
+    TrueWheels,
+    WheelErrors,
+    WheelTruth,
+    counted,
+    effective_track,
+)
 
 Floats = NDArray[np.float64]
 WHEELS = RobotConfig().wheels

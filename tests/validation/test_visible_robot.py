@@ -18,8 +18,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
+from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.scene import Scene

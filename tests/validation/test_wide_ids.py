@@ -30,7 +30,7 @@ from fieldtruth.exporters.coco import Numbering, categories_of
 from fieldtruth.ontology import OWN
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.viewer import view
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 

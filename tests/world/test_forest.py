@@ -58,7 +58,7 @@ def test_counts_species_and_ages(world: World) -> None:
     ages = Counter(age for i in living for age in ("old", "grown", "young") if f"_{age}_" in i.mesh)
     assert ages == {"old": CONFIG.old_trees, "grown": CONFIG.grown_trees, "young": CONFIG.young_trees}
     for age in ages:
-        low, high = np.atleast_1d(groups[age].heights)
+        low, high = np.atleast_1d(np.asarray(groups[age].heights, np.float64))
         heights = [scale_of(i) * world.meshes[i.mesh].vertices[:, 2].max() for i in living if f"_{age}_" in i.mesh]
         assert 0.8 * low < min(heights) < max(heights) < 1.25 * high
     others = Counter(i.kind for i in world.instances if i.kind not in TREES)

@@ -10,8 +10,8 @@ import pytest
 from fieldtruth.core import cache
 from fieldtruth.experiment import catalogue
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
+from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.grids import Line

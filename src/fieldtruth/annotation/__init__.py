@@ -32,15 +32,12 @@ from fieldtruth.core.files import locked, output_errors, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Stamps
-from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.topic import Output, Topic
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.sensor_config import KINDS, Output, SensorConfig, Topic
 from fieldtruth.record.folder import RunFolder, new_folder
-from fieldtruth.record.sensors import sensor_factory, series_of, stream_of
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import Stream, sensor_factory, series_of, stream_of
 from fieldtruth.sensors.kind import Movement, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import check_layout, load_world

@@ -37,8 +37,8 @@ from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import inverse, pose_from_quaternion_wxyz, quaternion_wxyz_from_rotation
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import BASE
-from fieldtruth.record.stream import Stream
+from fieldtruth.experiment.sensor_config import BASE
+from fieldtruth.record.streams import Stream
 from fieldtruth.world.model import World
 
 _SAME: Final = 1e-3

@@ -27,7 +27,7 @@ from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.errors import UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance, timed
 from fieldtruth.core.transforms import wxyz_from_xyzw
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.sensor_config import BASE
 
 _MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
 _LISTED: Final = 20

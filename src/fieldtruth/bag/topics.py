@@ -14,8 +14,7 @@ from fieldtruth.core import readings
 from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500

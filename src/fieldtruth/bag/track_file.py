@@ -26,7 +26,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError, UnknownNameError
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.sensor_config import BASE
 
 LARGEST_STEP_NS: Final = 500_000_000
 """A longer time [ns] between two poses is reported."""

@@ -31,7 +31,7 @@ from fieldtruth.bag.messages import STORE
 from fieldtruth.core.cache import add_seal
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import replace_synced, sync, write_atomically
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import Topic
 
 CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks compress model states better
 COPY_SIZE: Final = 8 * 2**20  # [byte]

@@ -29,8 +29,7 @@ from fieldtruth.core.lenses import directions
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import Sensors, Stream, streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig

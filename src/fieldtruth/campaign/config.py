@@ -18,8 +18,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from fieldtruth.experiment.config import Experiment, OneLine
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive
-from fieldtruth.experiment.problems import configuration_error, shortened
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive, configuration_error, shortened
 
 Tree = Any
 """Plain values, lists and mappings as YAML has them, with distributions in them."""

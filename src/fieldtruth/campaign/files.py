@@ -20,11 +20,10 @@ from fieldtruth.core.files import output_errors, remove_abandoned, write_atomica
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
-from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted, shortened
+from fieldtruth.experiment.sensor_config import with_signal_files
 from fieldtruth.experiment.sensor_families import EXTRAS
-from fieldtruth.experiment.signal_config import with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout

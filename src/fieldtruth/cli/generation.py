@@ -223,9 +223,7 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.core.registry import user_folders
-    from fieldtruth.experiment.catalogue import list_experiments
-    from fieldtruth.experiment.robot_models import list_robots
-    from fieldtruth.experiment.sensor_models import TITLES, list_models
+    from fieldtruth.experiment.catalogue import TITLES, list_experiments, list_models, list_robots
     from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 

@@ -24,7 +24,7 @@ from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.record.slices import SliceFolder
 from fieldtruth.simulation.stepped import Simulation
 

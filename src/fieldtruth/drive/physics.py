@@ -40,9 +40,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box as Box
-from fieldtruth.experiment.robot_body import chassis_box
+from fieldtruth.experiment.rig import Box as Box
+from fieldtruth.experiment.rig import Rig, chassis_box
 from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
 from fieldtruth.world.model import Collider, Heightfield, World
 

@@ -37,10 +37,18 @@ from fieldtruth.drive.simulate import Checkpoint, Drive, drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import FRAME_RATE, Experiment, FramesConfig, RandomRouteConfig, RouteConfig
+from fieldtruth.experiment.config import (
+    FRAME_RATE,
+    Experiment,
+    FramesConfig,
+    RandomRouteConfig,
+    RouteConfig,
+    geodetic_route,
+    metres_from_route,
+    route_from_metres,
+)
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route, metres_from_route, route_from_metres
 from fieldtruth.world.model import Heightfield, World
 
 _PLASTIC: Final = 1.32471795724474602596  # x^3 = x + 1

@@ -41,9 +41,8 @@ from fieldtruth.drive.track import (
     steps_at_rate,
     sweep_steps,
 )
-from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.config import Experiment, RouteConfig, geodetic_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5

@@ -14,14 +14,12 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.problems import configuration_error, shortened
-from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
-from fieldtruth.experiment.signal_config import KEY, WORDS, with_signal_files
+from fieldtruth.experiment.fields import configuration_error, shortened
+from fieldtruth.experiment.sensor_config import KINDS, SIGNAL, WORDS, SensorConfig, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""
-
 HEADER: Final = """\
 # The whole input of this data set: running it again gives the same bag.
 #   fieldtruth generate experiment.yaml
@@ -137,7 +135,7 @@ def read_signal(given: str) -> str | dict[str, Any]:
     if given in WORDS:
         return given
     if not _looks_like_path(given):
-        raise ConfigurationError(f"{KEY} must be {', '.join(WORDS)} or the path of a YAML file, got {given!r}")
+        raise ConfigurationError(f"{SIGNAL} must be {', '.join(WORDS)} or the path of a YAML file, got {given!r}")
     return parse_mapping(read_text(Path(given)), given)
 
 
@@ -149,12 +147,14 @@ def _signals(given: str | Mapping[str, Any], sensors: Sequence[SensorConfig]) ->
     """
     noisy = [sensor for sensor in sensors if sensor.datasheet]
     if isinstance(given, str):
-        return {sensor.name: {KEY: given} for sensor in noisy}
+        return {sensor.name: {SIGNAL: given} for sensor in noisy}
     known = [*dict.fromkeys(each for sensor in noisy for each in (sensor.name, sensor.kind))]
     if unknown := [key for key in given if key not in known]:
-        raise ConfigurationError(f"{KEY}: {unknown[0]!r} must be a sensor of the rig or its kind: {', '.join(known)}")
+        raise ConfigurationError(
+            f"{SIGNAL}: {unknown[0]!r} must be a sensor of the rig or its kind: {', '.join(known)}"
+        )
     chosen = {sensor.name: given.get(sensor.name, given.get(sensor.kind)) for sensor in noisy}
-    return {name: {KEY: value} for name, value in chosen.items() if value is not None}
+    return {name: {SIGNAL: value} for name, value in chosen.items() if value is not None}
 
 
 def _beside(experiment: Experiment, folder: Path) -> Experiment:

@@ -1,17 +1,65 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Light of an experiment: where the sun is, what clouds there are, and how hazy the air is."""
+"""Light and weather of an experiment: where the sun is, what clouds there are, and what is in the air.
+
+The sun's azimuth and elevation are right within 0.02 deg from 1950 to 2050: Meeus, Astronomical Algorithms (2nd
+edition, 1998), chapters 7, 12, 13 and 25 (low accuracy), and the refraction of Bennett (1982, Journal of Navigation 35)
+in the form of Saemundsson, which the book gives in chapter 16.
+"""
 
 import datetime
 import re
 from collections.abc import Mapping
+from datetime import date
+from math import asin, atan2, cos, degrees, radians, sin, tan
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from fieldtruth.experiment.fields import Frozen, Number
-from fieldtruth.experiment.problems import LocatedError, shortened
-from fieldtruth.experiment.sun_position import sun_position
+from fieldtruth.experiment.fields import Frozen, LocatedError, Number, shortened
+
+_EPOCH: Final = date(2000, 1, 1)
+_DELTA_T: Final = 70.0  # [s] of terrestrial time ahead of UTC, in 2020; a minute moves the sun by 0.7 arc seconds
+
+
+def sun_position(day: date, hours: float, latitude: float, longitude: float) -> tuple[float, float]:
+    """Return azimuth (clockwise from north, 0 to 360) and apparent elevation of the sun's centre [deg].
+
+    Args:
+        day: date in UTC.
+        hours: time of the day in UTC [h]; may be outside 0 to 24.
+        latitude: north is positive [deg].
+        longitude: east is positive [deg].
+    """
+    days = (day - _EPOCH).days - 0.5 + hours / 24.0  # since noon of 1 January 2000
+    ascension, declination = _equatorial((days + _DELTA_T / 86400.0) / 36525.0)
+    centuries = days / 36525.0
+    sidereal = 280.46061837 + 360.98564736629 * days + 0.000387933 * centuries**2
+    angle = radians(sidereal + longitude) - ascension  # west of the meridian
+    phi = radians(latitude)
+    up = sin(phi) * sin(declination) + cos(phi) * cos(declination) * cos(angle)
+    south = sin(phi) * cos(declination) * cos(angle) - cos(phi) * sin(declination)
+    west = cos(declination) * sin(angle)
+    return degrees(atan2(-west, -south)) % 360.0, _refracted(degrees(asin(max(-1.0, min(1.0, up)))))
+
+
+def _equatorial(t: float) -> tuple[float, float]:
+    """Apparent right ascension and declination [rad] after ``t`` Julian centuries from J2000."""
+    mean = 280.46646 + 36000.76983 * t + 0.0003032 * t * t
+    anomaly = radians(357.52911 + 35999.05029 * t - 0.0001537 * t * t)
+    centre = (1.914602 - 0.004817 * t) * sin(anomaly) + 0.019993 * sin(2 * anomaly) + 0.000289 * sin(3 * anomaly)
+    node = radians(125.04 - 1934.136 * t)
+    longitude = radians(mean + centre - 0.00569 - 0.00478 * sin(node))
+    obliquity = radians(23.4392911 - 0.0130042 * t + 0.00256 * cos(node))
+    return atan2(cos(obliquity) * sin(longitude), cos(longitude)), asin(sin(obliquity) * sin(longitude))
+
+
+def _refracted(elevation: float) -> float:
+    """Apparent elevation [deg] of a true one; far below the horizon air makes no difference."""
+    if elevation < -1.5:
+        return elevation
+    return elevation + 1.02 / tan(radians(elevation + 10.3 / (elevation + 5.11))) / 60.0
+
 
 CloudKind = Literal["none", "cumulus", "broken", "cirrus", "stratus", "overcast"]
 Preset = Literal["summer_day", "clear_morning", "noon", "low_sun", "dusk", "overcast", "after_rain", "fog"]
@@ -40,7 +88,6 @@ PRESETS: Final[dict[Preset, Light]] = {
     "after_rain": Light(225.0, 33.0, "broken", 0.6, 1.8, 0.8),
     "fog": Light(110.0, 18.0, "stratus", 1.0, 5.0, 0.5),
 }
-
 _CLOCK: Final = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?:([+-])([01]?\d):([0-5]\d))?")
 _TIME: Final = 'hours of UTC such as 13.5, or a text such as "15:30+02:00"'
 
@@ -154,3 +201,51 @@ COVERS: Final[dict[CloudKind, float]] = {
     "overcast": 1.0,
 }
 """Share of the sky with clouds of a kind that differs from the preset's, unless ``cover`` is given."""
+CLEAR_VISIBILITY_M: Final = 20_000.0
+"""Meteorological optical range [m] of a clear summer day, where the international visibility code changes from clear
+to very clear (Hulburt, J. Opt. Soc. Am. 31, 1941)."""
+
+
+class WeatherConfig(Frozen):
+    """Fog, rain, snow and dust, the same at all times; they add. Default: clear air.
+
+    Cameras and LiDARs see it; a LiDAR with an ideal signal does not. See docs/weather.md.
+    """
+
+    visibility_m: Annotated[Number, Field(ge=5000, le=300_000)] = CLEAR_VISIBILITY_M
+    """Meteorological optical range [m] of the air without fog, rain, snow and dust: haze of distant objects in
+    photographs. The air itself, without aerosol, has about 300 km. LiDARs do not see it: their data sheets' ranges are
+    those of clear air."""
+    fog_visibility_m: Annotated[Number, Field(ge=10, le=5000)] | None = None
+    """Meteorological optical range [m]: where a black object has 5 % contrast against the horizon (WMO-No. 8). Below
+    1000 it is fog, above mist. None: no fog."""
+    fog_height_m: Annotated[Number, Field(ge=1, le=500)] | None = None
+    """Height [m] over which the fog thins to 1/e, above the lowest ground, where it has its visibility. None: as
+    dense at every height."""
+    rain_mm_h: Annotated[Number, Field(ge=0, le=200)] = 0.0
+    """Rainfall rate [mm/h]: 2.5 light, 7.6 heavy (AMS Glossary of Meteorology)."""
+    snow_mm_h: Annotated[Number, Field(ge=0, le=20)] = 0.0
+    """Snowfall rate [mm/h of melted water]."""
+    dust_g_m3: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    """Mass of dust in the air [g/m^3]."""
+
+    @model_validator(mode="after")
+    def _layer_of_fog(self) -> Self:
+        if self.fog_height_m is not None and self.fog_visibility_m is None:
+            raise ValueError("fog_visibility_m is required with fog_height_m")
+        return self
+
+    @property
+    def text(self) -> str:
+        """What is in the air, for people."""
+        found = {"fog, visibility": self.fog_visibility_m, "rain": self.rain_mm_h, "snow": self.snow_mm_h}
+        units = {"fog, visibility": "m", "rain": "mm/h", "snow": "mm/h", "dust": "g/m³"}
+        if self.visibility_m != CLEAR_VISIBILITY_M:
+            found, units = {"visibility": self.visibility_m, **found}, {"visibility": "m", **units}
+        there = {name: value for name, value in (found | {"dust": self.dust_g_m3}).items() if value}
+        return ", ".join(f"{name} {value:g} {units[name]}" for name, value in there.items()) or "clear air"
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether no fog, rain, snow or dust is in the air."""
+        return not (self.fog_visibility_m or self.rain_mm_h or self.snow_mm_h or self.dust_g_m3)

@@ -1,35 +1,177 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
+"""Configuration of the robot and its sensors, by default the paper's (Tables 1, 2 and 5), its rules and its short form.
+
+The short form has a key for each sensor of the paper, such as ``lidar: {rate_hz: 20}``. It changes the first sensor of
+its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` change the robot.
+"""
 
 import itertools
-from collections.abc import Callable, Collection, Mapping
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
+import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Reading
-from fieldtruth.experiment.fields import Boolean, Frozen, Mount
-from fieldtruth.experiment.rig_check import check_sensors
+from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sections import (
-    PAPER_SENSORS,
-    ROBOT_SECTIONS,
-    SECTIONS,
-    with_robot,
-    with_sections,
-)
-from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, part, sensor_of
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.configs import CONFIGS
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
 
+OWN_TOPICS: Final = (
+    "/clock",
+    "/tf",
+    "/tf_static",
+    "/gazebo/model_states",
+    "/gazebo/static_model_states",
+    "/ground_truth/odom",
+    "/cmd_vel",
+)
+MOST_JITTER: Final = 0.2
+"""Of a clock, in periods of the sensor; with more, stamps would no longer rise by themselves."""
+OWN_FRAMES: Final = ("world", "odom", "base_link")
+
+
+def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount], robot: RobotConfig) -> None:
+    """Check the list of sensors of a robot with these frames of its own.
+
+    Raises:
+        LocatedError: the key of the sensor, and what it has in common with which other.
+    """
+    of_wheels = [i for i, sensor in enumerate(sensors) if sensor.needs_wheels]
+    if len(of_wheels) > 1:
+        second = of_wheels[1]
+        raise LocatedError(f"must differ: a rig has at most one {sensors[second].kind}", ("sensors", second, "kind"))
+    _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
+    views = [
+        [imager.name for imager in sensor.imagers()] if isinstance(sensor, ImagingConfig) else [] for sensor in sensors
+    ]
+    _differ(sensors, "name", views, {}, "the name of a camera")
+    topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
+    _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
+    frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
+    _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
+    for i, sensor in enumerate(sensors):
+        if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
+            at = ("sensors", i, "clock", "jitter_s")
+            raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
+        if sensor.enabled and (sensor.sees or not sensor.in_hull):
+            for frame, mount in sensor.frames().items():
+                _check_outside(mount, frame, robot, ("sensors", i, "mount"))
+
+
+def _differ(
+    sensors: Sequence[SensorConfig], key: str, values: Sequence[Iterable[str]], taken: dict[str, str], what: str = ""
+) -> None:
+    what = what or f"a {key}"
+    for i, own in enumerate(values):
+        for value in own:
+            if value in taken:
+                raise LocatedError(f"{value!r} is already {what} of {taken[value]}", ("sensors", i, key))
+            taken[value] = f"sensors[{i}]"
+
+
+def _check_outside(mount: Mount, frame: str, robot: RobotConfig, at: tuple[str | int, ...]) -> None:
+    """Check that a frame is not inside the chassis."""
+    x, y, z = mount.xyz
+    length, width, top = robot.outline[0], robot.chassis_width, robot.chassis_top
+    if abs(x) < length / 2 and abs(y) < width / 2 and 0.0 < z < top:
+        raise LocatedError(
+            f"{frame} is inside the robot's hull at {list(mount.xyz)}: it spans x -{length / 2:g} to {length / 2:g} m, "
+            f"y -{width / 2:g} to {width / 2:g} m, z 0 to {top:g} m in base_link",
+            at,
+        )
+
+
+_OF_PAPER: Final = tuple(config for config in CONFIGS if "sections" in vars(config))
+"""The sensors of the paper, in the order of the topics in a bag."""
+_SECTIONS: Final = {key: (config, each) for config in _OF_PAPER for key, each in config.sections.items()}
+SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, (config, each) in _SECTIONS.items()}
+"""What each section may have."""
+ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
+"""Keys of a rig that change the part of ``robot`` with the same name."""
+
+
+def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig with its sections of the robot as parts of ``robot``.
+
+    Raises:
+        PartError: a value that is not allowed.
+    """
+    rest = {key: value for key, value in given.items() if key not in ROBOT_SECTIONS}
+    if len(rest) == len(given):
+        return rest
+    robot = part(RobotConfig, rest.get("robot", {}), "robot").model_dump()
+    for key, config in ROBOT_SECTIONS.items():
+        if key in given:
+            value = {**robot[key], **given[key]} if _is_change(given[key], robot[key]) else given[key]
+            robot[key] = part(config, value, key).model_dump()
+    return {**rest, "robot": part(RobotConfig, robot)}
+
+
+def _is_change(value: Any, known: Any) -> bool:
+    return isinstance(value, Mapping) and isinstance(known, Mapping)
+
+
+_OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
+               "normals", "flow", "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
+"""What of a sensor no model says."""
+
+
+def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig with its sections as items of ``sensors``; without ``sensors`` these are the paper's.
+
+    Raises:
+        PartError: a value of a section that is not allowed.
+    """
+    rest = {key: value for key, value in given.items() if key not in SECTIONS}
+    sections = {key: given[key] for key in SECTIONS if key in given}
+    items = rest.get("sensors", [{"kind": config.model_fields["kind"].default} for config in _OF_PAPER])
+    if not isinstance(items, list | tuple):
+        return rest  # the field reports it
+    for key, section in sections.items():
+        items = _changed(list(items), key, section)
+    return {**rest, "sensors": items}
+
+
+def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
+    kind, change = _item(key, section)
+    at = next((i for i, item in enumerate(items) if _kind(item) == kind), None)
+    if at is None:
+        return [*items, part(KINDS[kind], {"kind": kind, **change}, key)]
+    if isinstance(section, SensorConfig):
+        return [*items[:at], section, *items[at + 1 :]]
+    own = items[at].model_dump(exclude_unset=True) if isinstance(items[at], SensorConfig) else items[at]
+    if change.get("model") is not None:  # its figures replace those of the item
+        own = {name: value for name, value in own.items() if name in _OWN}
+    return [*items[:at], part(KINDS[kind], {**own, **change}, key), *items[at + 1 :]]
+
+
+def _item(key: str, section: Any) -> tuple[str, dict[str, Any]]:
+    """Kind of sensor that a section changes, and its values by the names that they have in an item."""
+    config, own = _SECTIONS[key]
+    if own.config is not None or not isinstance(section, Mapping):
+        section = part(own.config or config, section, key).model_dump(exclude_unset=True)
+    return str(config.model_fields["kind"].default), {
+        own.keys.get(name, name): value for name, value in section.items()
+    }
+
+
+def _kind(item: Any) -> Any:
+    return item.get("kind") if isinstance(item, Mapping) else getattr(item, "kind", None)
+
+
+PAPER_SENSORS: Final[tuple[SensorConfig, ...]] = tuple(config.model_validate({}) for config in _OF_PAPER)
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
 
@@ -208,3 +350,57 @@ def paper_rig(
     """Return the paper's rig, with other settings of the sensors that are given."""
     given = (imu, gnss, wheel_odometry, lidar, stereo)
     return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))
+
+
+class Box(NamedTuple):
+    """An axis-aligned box in base_link: edge lengths (3,) [m] and centre (3,) [m]."""
+
+    size: Array
+    centre: Array
+
+
+class Cylinder(NamedTuple):
+    """A wheel or caster: its frame, its centre (3,) [m] in base_link, radius and width [m]; the axle is y."""
+
+    frame: str
+    centre: Array
+    radius: float
+    width: float
+
+    @property
+    def box(self) -> Box:
+        """Smallest box around it."""
+        return Box(np.array([2 * self.radius, self.width, 2 * self.radius]), self.centre)
+
+
+def chassis_box(rig: Rig) -> Box:
+    """Box of the robot's hull without wheels and sensors."""
+    robot = rig.robot
+    deck = robot.chassis_top
+    return Box(np.array([robot.outline[0], robot.chassis_width, deck]), np.array([0.0, 0.0, deck / 2]))
+
+
+def wheel_cylinders(rig: Rig) -> tuple[Cylinder, ...]:
+    """The driven wheels, by ``rig.wheels.names``."""
+    mounts, wheels = rig.mounts(), rig.wheels
+    frames = (f"{name}_wheel" for name in wheels.names)
+    return tuple(Cylinder(name, np.array(mounts[name].xyz), wheels.radius, wheels.width) for name in frames)
+
+
+def rollers(rig: Rig) -> tuple[Cylinder, ...]:
+    """All that touches the ground: the driven wheels, and the caster of a robot that has one, fixed in base_link."""
+    caster = rig.robot.caster
+    if caster is None:
+        return wheel_cylinders(rig)
+    centre = np.array([caster.x, 0.0, caster.radius - rig.robot.ground_clearance])
+    return (*wheel_cylinders(rig), Cylinder("base_link", centre, caster.radius, caster.width))
+
+
+def body_parts(rig: Rig) -> Sequence[Box | Cylinder]:
+    """What of the robot hides what is behind it: chassis, wheels and caster; mast and housings have no known shape."""
+    return (chassis_box(rig), *rollers(rig))
+
+
+def visible_parts(rig: Rig) -> Sequence[Box | Cylinder]:
+    """What of the robot its sensors see: nothing, unless ``rig.visible``."""
+    return body_parts(rig) if rig.visible else ()

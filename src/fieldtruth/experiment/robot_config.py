@@ -10,15 +10,13 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fieldtruth.experiment.fields import Frozen, Mount, Number, Positive
-from fieldtruth.experiment.problems import LocatedError
-from fieldtruth.experiment.robot_models import with_robot_model
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.catalogue import with_robot_model
+from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive
 
+WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 GRAVITY: Final = 9.81  # [m/s^2]
 MAX_DEFLECTION: Final = 0.2
 """Greatest deflection of a tyre at rest, in radii: beyond, it is flat, and the springs of its tread are no model."""
-
 Inertia = tuple[Positive, Positive, Positive]
 Length = Annotated[Number, Field(gt=0, le=2)]
 

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
+"""Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
@@ -13,17 +14,159 @@ from pydantic import Field, ValidationError, model_validator
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.core.readings import Message, Reading
 from fieldtruth.core.registry import load_module, user_folders
-from fieldtruth.experiment.clock_config import ClockConfig
-from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
-from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.core.yaml_io import parse_mapping, read_text
+from fieldtruth.experiment.catalogue import datasheet_of, figures_of, models, preset_of
+from fieldtruth.experiment.fields import (
+    Boolean,
+    Frozen,
+    LocatedError,
+    Mount,
+    Number,
+    PartError,
+    Rate,
+    condition_at,
+    shortened,
+)
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.sensor_models import figures_of, models
-from fieldtruth.experiment.signal_config import KEY as SIGNAL
-from fieldtruth.experiment.signal_config import SignalConfig, signal_values
-from fieldtruth.experiment.topic import Output, Topic
+
+BASE: Final = "base_link"
+ODOM: Final = "odom"
+"""Frame in which wheel odometry starts (REP-105). It is not in /tf, where the parent of base_link is the world."""
+
+
+class Topic(NamedTuple):
+    """A topic that a run publishes; without ``rate_hz`` it has one message per bag."""
+
+    name: str
+    msgtype: str
+    rate_hz: float | None
+    kind: str = "robot"
+    """Kind of the sensor that publishes it, ``robot`` for the truth and ``objects`` for the static objects."""
+    sensor: str = ""
+    """Name of that sensor."""
+
+    @property
+    def latched(self) -> bool:
+        """Whether late subscribers get the last message; true for topics that are published once."""
+        return self.rate_hz is None
+
+
+class Output(NamedTuple):
+    """A series of readings of a sensor; each makes one message for each of ``topics``."""
+
+    name: str
+    """That of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
+    topics: tuple[Topic, ...]
+    part: str = ""
+    """Which of the sensor's series it is, if there are several, such as ``left``."""
+    ideal: bool = False
+    """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
+    clock: str = ""
+    """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
+    frame: str = ""
+    """Frame in the headers of its messages; empty if they have none."""
+    reading: type[Reading] = Message
+    """Type of its readings."""
+    fields: Mapping[str, Topic] = {}
+    """Topic by part of the reading: of an image by its field, also of those that are off; of wheels by name. Empty:
+    its first topic has all."""
+    label: str = ""
+    """Of a view, that of its imager: left and right of the paper's pair, ``NAME_left`` of others."""
+    info: str = ""
+    """Topic of the calibration of a view."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the readings."""
+        rate_hz = self.topics[0].rate_hz
+        assert rate_hz is not None
+        return rate_hz
+
+
+class ClockConfig(Frozen):
+    """The clock shows ``t + offset_s + drift_ppm 1e-6 t + jitter`` at the simulated time t."""
+
+    offset_s: Annotated[Number, Field(ge=-3600, le=3600)] = 0.0
+    drift_ppm: Annotated[Number, Field(ge=-10_000, le=10_000)] = 0.0
+    jitter_s: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """Standard deviation [s] of the normal error that each stamp has of its own."""
+    drop_share: Annotated[Number, Field(ge=0, le=0.9)] = 0.0
+    """Share of the readings that are lost at random, each with this probability."""
+
+    @property
+    def may_lose(self) -> bool:
+        """Whether readings can be missing: lost ones, and those at which the clock shows 0 or less."""
+        return self.drop_share > 0.0 or self.offset_s < 0.0 or self.jitter_s > 0.0
+
+
+SIGNAL: Final = "signal"
+IDEAL: Final = "ideal"
+DATASHEET: Final = "datasheet"
+CLEAN: Final = "clean"
+"""Another word for ideal."""
+ROBOT: Final = "robot"
+"""The signal of photographs as robots take them; of sensors that are no cameras, that of the data sheet."""
+WORDS: Final = (IDEAL, DATASHEET, CLEAN, ROBOT)
+FORMS: Final = f"{', '.join(WORDS)}, the path of a YAML file, or a mapping"
+_ENDINGS: Final = (".yaml", ".yml")
+
+
+class SignalConfig(Frozen):
+    """Figures of a real sensor; each kind has a subclass. Without any value given, nothing differs from ideal."""
+
+
+def signal_values(given: Any, kind: str, model: str) -> Any:
+    """Return the figures that ``signal`` of a sensor means: a mapping, or None for ideal.
+
+    Args:
+        given: value of the key.
+        kind: kind of sensor.
+        model: whose data sheet ``datasheet`` means.
+
+    Raises:
+        LocatedError: not one of the forms, or a file that cannot be read.
+    """
+    if given is None or given in (IDEAL, CLEAN):
+        return None
+    if given == ROBOT and (preset := preset_of(kind, ROBOT)):
+        return preset
+    if given in (DATASHEET, ROBOT):
+        if not model:
+            raise LocatedError("must be ideal: this kind of sensor has no data sheet", [SIGNAL])
+        return datasheet_of(kind, model)
+    if not isinstance(given, str):
+        return given
+    if not given.endswith(_ENDINGS):
+        raise LocatedError(f"must be {FORMS}; got {shortened(given)}", [SIGNAL])
+    try:
+        return parse_mapping(read_text(Path(given)), given)
+    except ConfigurationError as error:
+        raise LocatedError(f"cannot be used: {error}", [SIGNAL]) from error
+
+
+def with_signal_files(rig: Any, folder: Path) -> Any:
+    """Return the values of a rig with the figures that are in files, whose paths may be relative to ``folder``.
+
+    Raises:
+        ConfigurationError: a file that cannot be read.
+    """
+    if not isinstance(rig, Mapping):
+        return rig
+    changed = {key: _with_file(value, folder) if key != "sensors" else value for key, value in rig.items()}
+    if isinstance(rig.get("sensors"), list | tuple):
+        changed["sensors"] = [_with_file(item, folder) for item in rig["sensors"]]
+    return changed
+
+
+def _with_file(sensor: Any, folder: Path) -> Any:
+    given = sensor.get(SIGNAL) if isinstance(sensor, Mapping) else None
+    if not isinstance(given, str) or not given.endswith(_ENDINGS):
+        return sensor
+    path = folder / given
+    return {**sensor, SIGNAL: parse_mapping(read_text(path), str(path))}
+
 
 _Config = TypeVar("_Config", bound=Frozen)
-
 SensorName = Annotated[
     str,
     Field(pattern=r"^[a-z][a-z0-9_]{0,31}$", description="a word of at most 32 lower-case letters, digits and _"),

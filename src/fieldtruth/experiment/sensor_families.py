@@ -15,8 +15,7 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive, Range
-from fieldtruth.experiment.sensor_config import MountedConfig
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import MountedConfig, Output
 
 MOST_RINGS: Final = 256
 Elevation = Annotated[Number, Field(gt=-90, lt=90)]
@@ -108,10 +107,8 @@ class ScanningConfig(MountedConfig):
 
 CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
-
 OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
-
 STREAMS: Final = {
     "camera_info": ("camera_info", "sensor_msgs/msg/CameraInfo"),
     "photograph": ("real/compressed", "sensor_msgs/msg/CompressedImage"),
@@ -122,8 +119,6 @@ STREAMS: Final = {
     "flow": ("flow", "sensor_msgs/msg/Image"),
 }
 """What a camera publishes: topic after that of the camera, and type, in the order of its messages."""
-
-
 EXTRAS: Final = ("depth", "instances", "normals", "flow")
 """Streams that a camera publishes only if the key of that name is true."""
 IMAGES: Final = {
@@ -135,8 +130,6 @@ IMAGES: Final = {
     "flow": "flow",
 }
 """Stream by field of ``core.readings.Image``."""
-
-
 LensModel = Literal["pinhole", "plumb_bob", "rational_polynomial", "equidistant", "equirectangular"]
 
 

@@ -13,8 +13,7 @@ import numpy as np
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import nearest_first
-from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.problems import LocatedError, shortened
+from fieldtruth.experiment.fields import LocatedError, Mount, shortened
 
 KEY: Final = "urdf"
 MAX_FILE_SIZE: Final = 4 << 20  # [byte]; descriptions of whole arms and humanoids have less than 1 MiB

@@ -35,7 +35,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Joints, Message, Odometry, Reading, WheelSpeeds
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.frames import intensity_is_class

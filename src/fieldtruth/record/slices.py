@@ -24,15 +24,14 @@ from fieldtruth.core.cache import cache_key, is_sealed
 from fieldtruth.core.errors import FieldtruthError, OutputError, SliceError
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
-from fieldtruth.experiment.topic import Topic
-from fieldtruth.record.stream import Sensors, Stream
+from fieldtruth.experiment.sensor_config import Topic
+from fieldtruth.record.streams import Sensors, Stream
 from fieldtruth.sensors.kind import SENSORS
 from fieldtruth.sensors.known import OWN
 
 SLICE_NS: Final = 10**8
 """Simulated time [ns] in a slice: short, so that a few seconds keep many cores busy."""
-
-_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors", "fieldtruth.record.streams")
+_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.streams")
 """Those of the package's kinds of sensors are imported by these."""
 
 

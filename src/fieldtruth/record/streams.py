@@ -1,20 +1,141 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Streams of messages from world, track and rig: each has its stamps and can make any of its readings.
+"""Streams of messages from world, track and rig, and the clocks that stamp them.
 
-A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
+Each stream has its stamps and can make any of its readings. A reading depends only on its number, so parts of a
+recording can be made in any order and by any thread, each of which has sensors of its own.
+
+Clocks of sensors: what the headers of their messages say, and which messages are lost. The stamp of a message in the
+bag stays the true time of its reading. A clock shows, at the time t, t + offset + drift t + jitter with a jitter that
+is normal and of each reading its own. Stamps rise: where the jitter is so large that they would not, a stamp is 1 ns
+above the one before. A reading whose clock shows 0 or less is lost, as ROS has no such time.
 """
 
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.bag import messages, topics
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.sensors import series_along, stream_of
-from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.sensors.kind import Movement, movement_of
+from fieldtruth.experiment.sensor_config import ClockConfig, Output, SensorConfig
+from fieldtruth.sensors.kind import At, Movement, Sensor, SensorWorld, movement_of, stamps_of
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.world.model import World
+
+_CLOCK: Final = "clock"
+
+
+@dataclass(frozen=True)
+class ClockReadings:
+    """What the clock of a sensor shows at its readings [ns] (n,), and the numbers of those that are not lost."""
+
+    shown_ns: Stamps
+    kept: NDArray[np.int64]
+
+
+def read_clock(stamps_ns: Stamps, config: ClockConfig, rng: np.random.Generator) -> ClockReadings:
+    """Return what a clock shows at true stamps (n,) [ns], and which of the readings are lost."""
+    of_jitter, of_drops = rng.spawn(2)
+    error_s = config.offset_s + config.drift_ppm * 1e-6 * (stamps_ns / 1e9)
+    error_s = error_s + config.jitter_s * of_jitter.standard_normal(len(stamps_ns))
+    order = np.arange(len(stamps_ns))
+    shown = np.maximum.accumulate(stamps_ns + np.rint(error_s * 1e9).astype(np.int64) - order) + order
+    lost = of_drops.random(len(stamps_ns)) < config.drop_share
+    return ClockReadings(shown, np.flatnonzero(~lost & (shown > 0)))
+
+
+def clock_of(config: SensorConfig, stamps_ns: Stamps, seed: int, part: str = "") -> ClockReadings:
+    """Return the clock of a sensor at its readings; a ``part`` of the sensor with its own rate loses its own ones."""
+    if config.clock is None:
+        return ClockReadings(stamps_ns, np.arange(len(stamps_ns)))
+    return read_clock(stamps_ns, config.clock, rng_of(seed, config.name, _CLOCK, *[part] * bool(part)))
+
+
+Sensors = Mapping[str, Sensor]
+"""The sensors of one worker by name; they own buffers, so threads must not share them."""
+
+
+class Stream(NamedTuple):
+    """Readings of one source: reading k is taken at ``stamps_ns[k]`` and makes one message for each of ``topics``."""
+
+    topics: tuple[str, ...]
+    stamps_ns: Stamps
+    messages: Callable[[int, Sensors], Iterable[bytes]]
+
+
+def sensor_factory(sensor_world: SensorWorld, rig: Rig | None = None) -> Callable[[], Sensors]:
+    """Build what the sensors of a rig need, scene and light, and return the function that makes a set for a thread."""
+    ready = [new_sensors(sensor_world, rig)]
+
+    def make() -> Sensors:
+        try:
+            return ready.pop()
+        except IndexError:
+            return new_sensors(sensor_world, rig)
+
+    return make
+
+
+@dataclass(frozen=True)
+class Series:
+    """Readings of an output of a sensor, in the order of their stamps; those that its clock loses are left out."""
+
+    config: SensorConfig
+    output: Output
+    stamps_ns: Stamps
+    """True stamps (n,) [ns] of all readings, with the lost ones."""
+    clock: ClockReadings
+
+    def at(self, k: int, movement: Movement, end_ns: float = math.inf) -> At:
+        """Return when and where the k-th reading is taken that is not lost; none follows it after ``end_ns``."""
+        number, after = int(self.clock.kept[k]), self.clock.kept[k + 1 : k + 2]
+        following = [int(self.stamps_ns[i]) for i in after if self.stamps_ns[i] <= end_ns]
+        stamp, header = int(self.stamps_ns[number]), int(self.clock.shown_ns[number])
+        return At(number, stamp, header, movement, following[0] if following else None)
+
+
+def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], seed: int) -> list[Series]:
+    """Return the series of a sensor, one for each of its outputs.
+
+    Args:
+        config: the sensor.
+        rig: the robot that carries it.
+        stamps_of: true stamps [ns] of the readings of an output.
+        seed: of the sensor's clock.
+    """
+    series = []
+    for output in config.outputs_on(rig.robot):
+        stamps = stamps_of(output)
+        exact = ClockReadings(stamps, np.arange(len(stamps)))
+        clock = exact if output.ideal else clock_of(config, stamps, seed, output.clock)
+        series.append(Series(config, output, stamps, clock))
+    return series
+
+
+def series_along(config: SensorConfig, rig: Rig, track: Track, seed: int) -> list[Series]:
+    """Return the series of a sensor along a drive; at separate poses, sensors that measure the motion have none."""
+    stamps = track.motion.stamps_ns
+    if track.is_frames:
+        return series_of(config, rig, lambda _: stamps, seed) if config.sees else []
+    return series_of(config, rig, lambda output: stamps_of(config, output, int(stamps[-1])), seed)
+
+
+def stream_of(series: Series, movement: Movement) -> Stream:
+    """Return the stream of a series along a movement."""
+    output = series.output
+
+    def messages(k: int, sensors: Sensors) -> Iterable[bytes]:
+        at, sensor = series.at(k, movement), sensors[series.config.name]
+        return sensor.messages(output, at.number, sensor.read(output, at))
+
+    return Stream(tuple(topic.name for topic in output.topics), series.stamps_ns[series.clock.kept], messages)
 
 
 def streams_of(

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.kernels.light import AZIMUTHS, LAYER, AirTable, LightTable, fog_length, sky_radiance
 from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction
 

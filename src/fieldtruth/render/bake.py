@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.cache import cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.kernels.light import Dome, LightTable, MaterialTable, Shading, SnowTable, SunMap
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.shading import WHITE

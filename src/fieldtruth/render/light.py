@@ -32,8 +32,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, gaussian_filter, maximum_filter
 
 from fieldtruth.core.arrays import Array, Counts, Float32Array, Index, Mask
-from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.kernels.baking import NEAR, PROBES, UP, fill_visibility, gather_probes, trace_sun_row
 from fieldtruth.kernels.light import (
     AIR_BASE,

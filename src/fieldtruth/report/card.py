@@ -21,11 +21,11 @@ from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
+from fieldtruth.experiment.catalogue import robot_data
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.robot_models import robot_data
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.world.model import World

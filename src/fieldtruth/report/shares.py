@@ -20,8 +20,7 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.sense.robot import part_table, robot_view
 from fieldtruth.sense.scene import Scene

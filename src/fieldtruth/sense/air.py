@@ -27,7 +27,7 @@ from scipy.special import gamma
 from scipy.stats import norm
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.kernels.lidar_noise import LEAST_POWER, SOFT_STEP, Air
 
 WATER_INDEX: Final = 1.33

@@ -5,8 +5,7 @@
 from typing import Final
 
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

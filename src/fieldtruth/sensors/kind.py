@@ -17,12 +17,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import STEP_NS, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
-from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
-from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.topic import Output
-from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
+from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
+from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World

@@ -14,7 +14,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.record.sensors import Series, sensor_factory, series_along
+from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.due import Frame, frame_of
 from fieldtruth.simulation.stepped import Driven, Simulation

@@ -19,9 +19,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.drive.track import STEP_NS, Stamps, Track, count_at_rate
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import Series, series_of
+from fieldtruth.experiment.sensor_config import Output, SensorConfig
+from fieldtruth.record.streams import Series, series_of
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, stamps_of
 
 Named = tuple[str, Any]

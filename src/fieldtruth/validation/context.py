@@ -19,7 +19,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Spec, Tally
 

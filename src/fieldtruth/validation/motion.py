@@ -28,8 +28,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
 from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.drive.controller import WaypointFollower, antenna_geodetic
-from fieldtruth.experiment.config import FRAME_RATE, Experiment
-from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.config import FRAME_RATE, Experiment, geodetic_route, metres_from_route
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at, is_attitude
 

@@ -21,7 +21,7 @@ from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Motion, Track
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class

@@ -21,9 +21,7 @@ from fieldtruth.bag.file import is_ros1
 from fieldtruth.bag.messages import WHEEL_FRAMES, WORLD
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.clock_config import ClockConfig
-from fieldtruth.experiment.sensor_config import KINDS, TRUTH, SensorConfig
-from fieldtruth.experiment.topic import BASE, ODOM, Output, Topic
+from fieldtruth.experiment.sensor_config import BASE, KINDS, ODOM, TRUTH, ClockConfig, Output, SensorConfig, Topic
 from fieldtruth.validation.check import SIGMAS, Check, Count, Rule, Spec, see_normal
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 

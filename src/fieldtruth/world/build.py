@@ -19,8 +19,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.files import atomic_output
 from fieldtruth.core.parallel import check_memory
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.fields import Frozen
-from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.environments.layout import GroundConfig

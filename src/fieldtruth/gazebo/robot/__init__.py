@@ -10,8 +10,8 @@ from fieldtruth.core import geodesy
 from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive.physics import FRICTION, skid_compensation
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import parts
 from fieldtruth.gazebo.templates import render, write
 

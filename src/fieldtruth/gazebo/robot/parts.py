@@ -28,10 +28,9 @@ from fieldtruth.drive import physics
 from fieldtruth.drive.physics import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.report.card import robot_title
 
 STIFFNESS: Final = 1e7  # [N/m]

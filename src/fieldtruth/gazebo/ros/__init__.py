@@ -24,12 +24,11 @@ from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import DriveConfig, Experiment
+from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
 from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
 from fieldtruth.gazebo.templates import render, write

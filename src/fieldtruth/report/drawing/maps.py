@@ -18,7 +18,7 @@ from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.world.model import Heightfield
 

@@ -25,7 +25,7 @@ from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, counted
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.kernels.counting import count_runs
 from fieldtruth.report.page.series import BUCKETS, CHANNELS, Collector, Fixes, Inertial, Lines, Motion, Row, Wheel
 

@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
-from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.images import jpeg_below
 from fieldtruth.report.drawing.maps import Aerial, arc, render_aerial, sector

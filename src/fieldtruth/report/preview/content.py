@@ -13,9 +13,8 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.config import metres_from_route
+from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.report.drawing.cloud import Cloud

@@ -9,8 +9,7 @@ import numpy as np
 
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import body_parts
+from fieldtruth.experiment.rig import Rig, body_parts
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.sense.robot import meet, part_table
 

@@ -14,9 +14,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, chassis_box, rollers
-from fieldtruth.experiment.topic import BASE
+from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
+from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
 from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.report.rig.coverage import (

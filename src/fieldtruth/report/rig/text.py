@@ -26,14 +26,11 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Cylinder, chassis_box, rollers, wheel_cylinders
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.rig import Cylinder, Rig, chassis_box, rollers, wheel_cylinders
+from fieldtruth.experiment.sensor_config import BASE, SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig
-from fieldtruth.experiment.topic import BASE
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.imu.noise import Triad
-from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.imu.config import ImuConfig, ImuSignal
+from fieldtruth.sensors.imu.sensing import Triad
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\

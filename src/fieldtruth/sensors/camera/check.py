@@ -17,11 +17,20 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
-from fieldtruth.sensors.camera.check_agreement import LIDAR_AND_CAMERAS, Agreement
-from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
-from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
-from fieldtruth.sensors.camera.check_info import CALIBRATION, CameraInfos
-from fieldtruth.sensors.camera.check_lens import pixel_ray
+from fieldtruth.sensors.camera.check_geometry import (
+    CALIBRATION,
+    FLOW,
+    LIDAR_AND_CAMERAS,
+    NORMALS,
+    PARTS,
+    Agreement,
+    CameraFrame,
+    CameraFrameChecker,
+    CameraInfos,
+    Geometry,
+    is_recorded,
+    pixel_ray,
+)
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
@@ -35,19 +44,15 @@ from fieldtruth.validation.world import ClassComparison, ObjectClasses
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
 JPEG: Final = Rule("photographs can be decoded")
 IMAGES: Final[Spec] = Spec("images", (FORM, JPEG), "images", "no images")
-
 COLOUR: Final = Rule("every pixel of a tag image has the colour of a class")
 TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,), "pixels", "no tag images")
-
 DEPTH_RANGE: Final = Rule("depth is infinite on the sky and within the camera's range elsewhere")
 _NO_DEPTH: Final = "no depth images: generate --extras depth makes them"
 DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,), "pixels", _NO_DEPTH)
-
 SAME_PIXELS: Final = Rule("cameras see the same classes, depths and instance ids in the rebuilt world (sample)")
 EQUAL_IMAGES: Final = Rule("images made as here are equal to the last digit", minor=True)
 _NO_TAGS: Final = "no tag images, or no true motion"
 RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
-
 # Mean difference in a block of 8 x 8 pixels, as JPEG packs them, and in all. On another processor rounding moves pixels
 # at edges: in 50 photographs of the park the worst block differed by 3.3 (median) to 5.9, and the mean by up to 0.006.
 SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 20.0, "of 255 in a block")
@@ -57,7 +62,6 @@ _PHOTOGRAPH_RULES: Final = (SAME_PHOTOGRAPH, SAME_MEAN, EQUAL_PHOTOGRAPHS)
 PHOTOGRAPHS: Final[Spec] = Spec("photographs", _PHOTOGRAPH_RULES, "photographs", _NO_TAGS)
 _BLOCK: Final = 8
 _NO_RAY: Final = 1e-6  # [m]
-
 _ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
 _WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
 """Where ids do not fit into 16 bits."""

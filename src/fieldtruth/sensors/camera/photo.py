@@ -1,29 +1,156 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor behind the lens: from light to the photograph, with the noise of one reading."""
+"""What lens and image sensor of a real camera make of light: vignetting, glare, blur, bloom, raw values, colours.
+
+The image sensor: from light on its pixels to raw values, and back to light in three channels. The model is that of EMVA
+Standard 1288, release 4.0, chapter 2: a raw value y has the mean K (mu_p + mu_d) and the variance K^2 sigma_d^2 + K^2
+mu_p + 1 / 12, with mu_p electrons of light, whose number has a Poisson distribution, read noise of sigma_d electrons,
+and a system gain of K per electron. The Poisson distribution is replaced by the normal one of the same variance; their
+skewness differs by 1 / sqrt(mu_p).
+"""
+
+from functools import cache
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import gaussian_filter
 
+from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.kernels.camera import (
+    CELL,
+    FILMIC,
+    FILMIC_TOP,
+    Curve,
     Sensor,
     apply_curve,
+    blend_cells,
     blur,
     expose,
+    fill_means,
     interpolate,
     mix_colours,
     sharpen,
     spill,
     spread_colours,
 )
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.lens_effects import add_glare, illumination, point_spread
-from fieldtruth.sensors.camera.lens_scatter import add_bloom
-from fieldtruth.sensors.camera.raw import raw_shape, sensor_of
-from fieldtruth.sensors.camera.response import FULL_SCALE, curve_of
-from fieldtruth.sensors.camera.signal import IDENTITY, CameraSignal
+from fieldtruth.kernels.textures import srgb_from_linear
+from fieldtruth.sensors.camera.config import IDENTITY, CameraConfig, CameraSignal, Mosaic, Response
+
+LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Of linear sRGB (ITU-R BT.709)."""
+FULL_SCALE: Final[dict[Response, float]] = {"filmic": 7.25, "srgb": 1.0, "linear": 1.0}
+"""Linear light from which a curve is white: there the sensor saturates."""
+_STEPS: Final = 4096
+
+
+@cache
+def curve_of(response: Response, contrast: float = 0.0) -> Curve:
+    """Return a response curve whose slope is 1 + ``contrast`` times as great at medium grey, and less at both ends."""
+    light, top = np.linspace(0.0, 1.0, _STEPS) ** 2, FILMIC_TOP if response == "filmic" else 1.0
+    values = {"filmic": FILMIC / 255.0, "srgb": srgb_from_linear(light), "linear": light}[response]
+    bent = values - 2.0 * contrast * values * (1.0 - values) * (1.0 - 2.0 * values)
+    return Curve(np.rint(255.0 * bent).astype(np.uint8), top)
+
+
+def encoded(light: Array, response: Response, contrast: float = 0.0) -> Array:
+    """Values in [0, 1] of light of any shape."""
+    table, top = curve_of(response, contrast)
+    row = np.sqrt(np.clip(light, 0.0, top) / top) * (len(table) - 1)
+    return np.asarray(np.interp(row, np.arange(len(table)), table / 255.0))
+
+
+_FILTERS: Final[dict[Mosaic, tuple[int, int, int, int]]] = {
+    "rggb": (0, 1, 1, 2),
+    "grbg": (1, 0, 2, 1),
+    "gbrg": (1, 2, 0, 1),
+    "bggr": (2, 1, 1, 0),
+}
+"""Channel of the pixels at (0, 0), (0, 1), (1, 0), (1, 1)."""
+
+
+def sensor_of(signal: CameraSignal, gain: float) -> Sensor:
+    """Return the sensor of a camera at a gain of its amplifier.
+
+    At 0 dB the full well is at the full scale of the raw values, which is white in the photograph. Without a full well
+    a unit of light is one electron.
+    """
+    full_scale, top = FULL_SCALE[signal.response], 1.0 if signal.bits is None else 2.0**signal.bits - 1.0
+    most = full_scale if signal.full_well_e is None else signal.full_well_e / gain
+    colours = np.diag(signal.responsivity)
+    grey = (LUMINANCE * signal.responsivity)[None] / float(LUMINANCE @ np.array(signal.responsivity))
+    return Sensor(
+        channels=np.ascontiguousarray(grey if signal.mosaic == "mono" else colours, np.float64),
+        filters=_FILTERS.get(signal.mosaic, (0, 0, 0, 0)),
+        electrons=most / full_scale,
+        photons=float(signal.photon_noise),
+        read_noise_e=signal.read_noise_e,
+        gain=(top - signal.black_level) / most,
+        black=float(signal.black_level),
+        top=top,
+        step=0.0 if signal.bits is None else 1.0,
+    )
+
+
+def raw_shape(signal: CameraSignal, height: int, width: int) -> tuple[int, int, int]:
+    """Rows, columns, values in each pixel."""
+    return height, width, 3 if signal.mosaic == "none" else 1
+
+
+_TAIL: Final = 4.0
+
+
+def add_bloom(light: Float32Array, share: float, sigma_px: float) -> None:
+    """Scatter a share of light (h, w, 3) around where it belongs: half of it four times as far as the other half.
+
+    The glare spread function of a lens falls more slowly than a normal one (ISO 9358; McCann and Rizzi, The Art and
+    Science of HDR Imaging, 2011), as a sum of two does. Light that would leave the image stays at its border.
+    """
+    cells = cell_means(light)
+    near, far = (
+        gaussian_filter(cells, (each / CELL, each / CELL, 0.0), mode="nearest") for each in (sigma_px, _TAIL * sigma_px)
+    )
+    blend_cells(light, np.asarray(0.5 * (near + far), np.float32), np.float32(share))
+
+
+def cell_means(light: Float32Array) -> Float32Array:
+    """Mean light of cells of CELL x CELL pixels, fewer at the right and lower border."""
+    height, width, _ = light.shape
+    cells = np.zeros((-(-height // CELL), -(-width // CELL), 3), np.float32)
+    fill_means(light, cells)
+    return cells
+
+
+def illumination(config: CameraConfig, signal: CameraSignal, u: ArrayLike, v: ArrayLike) -> Float32Array:
+    """Share of the light at image points [pixel] of any shape that vignetting leaves; 1 where the lens has no ray."""
+    lens = config.projection
+    share = np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
+    if signal.vignetting_power:
+        cosine = np.nan_to_num(lenses.directions(lens, u, v)[..., 2], nan=1.0)
+        share = share * np.clip(cosine, 0.0, 1.0) ** signal.vignetting_power
+    if any(signal.vignetting_polynomial):
+        a, b, c = signal.vignetting_polynomial
+        corner = np.hypot(config.width / 2.0, config.height / 2.0)
+        s = ((np.asarray(u) - lens.cx) ** 2 + (np.asarray(v) - lens.cy) ** 2) / corner**2
+        share = share * np.clip(1.0 + s * (a + s * (b + s * c)), 0.0, None)
+    return np.asarray(share, np.float32)
+
+
+def point_spread(sigma_px: float) -> Float32Array:
+    """Half of a normal point spread, from its middle on; its sum over both sides is 1."""
+    reach = max(1, int(np.ceil(3.0 * sigma_px)))
+    half = np.exp(-0.5 * (np.arange(reach + 1) / sigma_px) ** 2)
+    return np.asarray(half / (2.0 * half.sum() - half[0]), np.float32)
+
+
+def add_glare(light: Float32Array, share: float) -> None:
+    """Spread a share of the mean of light (..., 3) evenly over the image."""
+    mean = light.reshape(-1, 3).mean(axis=0, dtype=np.float64)
+    light *= np.float32(1.0 - share)
+    light += np.asarray(share * mean, np.float32)
+
 
 _NONE: Float32Array = np.zeros((0, 0, 0), np.float32)
 

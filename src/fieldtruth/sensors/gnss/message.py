@@ -12,7 +12,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Fix
-from fieldtruth.sensors.gnss.signal import SERVICE
+from fieldtruth.sensors.gnss.config import SERVICE
 
 FIX: Final = int(NavSatStatus.STATUS_FIX)
 

@@ -8,11 +8,10 @@ import numpy as np
 
 from fieldtruth.core.readings import Fix
 from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import GnssErrors
-from fieldtruth.sensors.gnss.sensing import GnssTruth
+from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
 
 

@@ -16,8 +16,6 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Inertial
 
 Covariances = tuple[Array, Array, Array]
-
-
 UNKNOWN: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
 """Covariances of an ideal IMU, which ROS reads as unknown."""
 

@@ -1,22 +1,51 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of an inertial measurement unit as a pure function of the true motion, without noise.
+"""Readings of an inertial measurement unit: a pure function of the true motion, and what a real one makes of them.
 
-They are means over the interval that ends at the stamp, as ``ImuReadings`` states: their sums are attitude and
+True readings are means over the interval that ends at the stamp, as ``ImuReadings`` states: their sums are attitude and
 velocity, and a short drive equals the start of a long one. Means of the rotating body's angular velocity and specific
 force would miss coning and sculling (Savage, Strapdown Inertial Navigation Integration Algorithm Design, Journal of
 Guidance, Control, and Dynamics 21, 1998); the rotation vector and the change of velocity of the interval contain both.
+
+Readings of a real IMU from the true ones: arrays to arrays, in one piece or as they come. A reading is made in the
+order of the physics: with u the true reading of a triad,
+
+    measured = quantised(limited((1 + S + M) u + bias + white)).
+
+S is a diagonal matrix of scale errors, M one of misalignments beside the diagonal; both are drawn once.
+
+white: with density N and rate r, each reading has noise of its own with the deviation N sqrt(r) (Kalibr's wiki, "IMU
+Noise Model"). With ``sampling: mean`` that is the exact mean of white noise over the interval of the reading. With
+``sampling: instant`` it is the noise of a sensor whose filter ends at half the rate, as Kalibr assumes it, so that the
+Allan deviation is N / sqrt(tau) in both cases.
+
+bias: a constant that is drawn once, plus a random walk with steps K sqrt(dt), whose Allan deviation is K sqrt(tau / 3)
+(IEEE Std 952, C.1.3), plus flicker noise, whose Allan deviation has a flat bottom (C.1.2). Its spectrum B^2 / (2 pi f)
+is the sum of Gauss-Markov processes with equal variances B^2 ln(4) / pi and correlation times of 1 s, 4 s, ... 4096 s,
+since the integral of their spectra over ln T is 1 / f. The bottom is B sqrt(2 ln(2) / pi), which data sheets state.
+
+attitude: the true one turned about the axes of the world by angles that are Gauss-Markov processes.
 """
+
+import math
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.transforms import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz, xyzw_from_wxyz
+from fieldtruth.core.random import GaussMarkov
+from fieldtruth.core.transforms import (
+    quaternion_wxyz_from_rotation,
+    rotation_from_quaternion_wxyz,
+    wxyz_from_xyzw,
+    xyzw_from_wxyz,
+)
 from fieldtruth.drive.track import STEP_NS, STEP_S, ImuReadings, Motion, steps_at_rate
 from fieldtruth.experiment.robot_config import GRAVITY
-from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.imu.config import Axes, ImuConfig, ImuSignal
 
 
 class ImuTruth:
@@ -88,3 +117,147 @@ def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -
 def _into_frame(world_from_frame: Array, vectors_world: Array) -> Array:
     vectors: Array = np.einsum("nji,nj->ni", world_from_frame, vectors_world)
     return vectors
+
+
+FLICKER_TIMES_S: Final = tuple(4.0**n for n in range(7))
+"""Correlation times [s] of the processes whose sum is flicker noise."""
+BOTTOM: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Allan deviation of flicker noise with B = 1: IEEE Std 952, C.1.2."""
+
+
+class Triad(NamedTuple):
+    """Figures of the three axes of gyroscope or accelerometer; arrays are (3,), in units of the readings."""
+
+    density: Array
+    walk: Array
+    bottom: Array
+    bias: Array
+    scale: float
+    misalignment: float
+    range: float | None
+    resolution: float | None
+
+    @classmethod
+    def of(cls, signal: ImuSignal, triad: str) -> "Triad":
+        """Figures of ``gyroscope`` or ``accelerometer``."""
+
+        def figure(name: str) -> Any:
+            return getattr(signal, f"{triad}_{name}")
+
+        density, walk, bottom, bias = (
+            axes_of(figure(name)) for name in ("noise_density", "random_walk", "bias_instability", "bias")
+        )
+        others = (figure(name) for name in ("scale_error", "misalignment", "range", "resolution"))
+        return cls(density, walk, bottom, bias, *others)
+
+    def variances(self, rate_hz: float) -> Array:
+        """Variances (3,) of the part of a reading's error that no other reading has: white noise and rounding."""
+        rounding = 0.0 if self.resolution is None else self.resolution**2 / 12.0
+        variances: Array = self.density**2 * rate_hz + rounding
+        return variances
+
+
+class MeasuredImu(NamedTuple):
+    """Readings of a real IMU, and the covariances (9,) of its messages, row by row: 0 is unknown."""
+
+    readings: ImuReadings
+    attitude_covariance: Array  # [rad^2], about the axes of the world
+    rate_covariance: Array  # [rad^2/s^2]
+    force_covariance: Array  # [m^2/s^4]
+
+
+class ImuErrors:
+    """Errors of a real IMU, which go on from call to call: readings do not depend on how their series is cut.
+
+    Args:
+        signal: figures of the IMU.
+        rate_hz: of the readings.
+        rng: of the experiment's seed and the IMU's name.
+    """
+
+    def __init__(self, signal: ImuSignal, rate_hz: float, rng: np.random.Generator) -> None:
+        of_gyroscope, of_accelerometer, of_attitude = rng.spawn(3)
+        triads = Triad.of(signal, "gyroscope"), Triad.of(signal, "accelerometer")
+        self._gyroscope = TriadErrors(triads[0], rate_hz, of_gyroscope)
+        self._accelerometer = TriadErrors(triads[1], rate_hz, of_accelerometer)
+        self._no_attitude = signal.no_attitude
+        self._turn = np.array([signal.roll_pitch_error, signal.roll_pitch_error, signal.yaw_error])
+        self._turns = GaussMarkov(of_attitude, 3, math.exp(-1.0 / (signal.attitude_correlation_s * rate_hz)))
+        attitude = np.array([-1.0, *[0.0] * 8]) if signal.no_attitude else np.diag(self._turn**2).ravel()
+        rate, force = (np.diag(triad.variances(rate_hz)).ravel() for triad in triads)
+        self._covariances = attitude, rate, force
+
+    def extend(self, true: ImuReadings) -> MeasuredImu:
+        """Return what the IMU reads where an ideal one has the ``true`` readings, the next of its series."""
+        readings = replace(
+            true,
+            quaternion_wxyz=self._attitude(true.quaternion_wxyz),
+            angular_velocity=self._gyroscope.extend(true.angular_velocity),
+            linear_acceleration=self._accelerometer.extend(true.linear_acceleration),
+        )
+        return MeasuredImu(readings, *self._covariances)
+
+    def _attitude(self, quaternion_wxyz: Array) -> Array:
+        """Return the attitudes (n, 4) that the sensor states."""
+        if self._no_attitude:
+            return np.tile([1.0, 0.0, 0.0, 0.0], (len(quaternion_wxyz), 1))
+        if not self._turn.any() or not len(quaternion_wxyz):
+            return quaternion_wxyz
+        turned = Rotation.from_rotvec(self._turns.draw(len(quaternion_wxyz)) * self._turn)
+        return np.asarray(wxyz_from_xyzw((turned * Rotation.from_quat(xyzw_from_wxyz(quaternion_wxyz))).as_quat()))
+
+
+class TriadErrors:
+    """Errors of a real gyroscope or accelerometer; see ``ImuErrors``."""
+
+    def __init__(self, triad: Triad, rate_hz: float, rng: np.random.Generator) -> None:
+        fixed, self._white, slow = rng.spawn(3)
+        self._triad, self._rate_hz = triad, rate_hz
+        matrix = np.eye(3) + triad.misalignment * fixed.standard_normal((3, 3)) * (1.0 - np.eye(3))
+        self._matrix: Array = matrix + np.diag(triad.scale * fixed.standard_normal(3))
+        self._bias: Array = triad.bias * fixed.standard_normal(3)
+        self._of_walk, *of_flicker = slow.spawn(1 + len(FLICKER_TIMES_S))
+        self._walked = np.zeros(3)
+        self._flicker = [
+            GaussMarkov(own, 3, math.exp(-1.0 / (time_s * rate_hz)))
+            for time_s, own in zip(FLICKER_TIMES_S, of_flicker, strict=True)
+        ]
+
+    def extend(self, true: Array) -> Array:
+        """Return the readings (n, 3) whose true ones are (n, 3), the next of their series."""
+        white = self._triad.density * math.sqrt(self._rate_hz) * self._white.standard_normal(true.shape)
+        # Column by column: the sums of a product of matrices depend on the number of rows.
+        turned = true[:, :1] * self._matrix[:, 0] + true[:, 1:2] * self._matrix[:, 1] + true[:, 2:] * self._matrix[:, 2]
+        read = turned + (self._bias + self._bias_changes(len(true))) + white
+        return quantised(read, self._triad.range, self._triad.resolution)
+
+    def _bias_changes(self, count: int) -> Array:
+        """Return how the bias differs (count, 3) from what it was when the sensor was turned on."""
+        triad, bias = self._triad, np.zeros((count, 3))
+        if triad.walk.any() and count:
+            steps = self._of_walk.standard_normal((count, 3))
+            steps[0] += self._walked
+            walked = np.cumsum(steps, axis=0)
+            self._walked = walked[-1]
+            bias += walked * triad.walk / math.sqrt(self._rate_hz)
+        if triad.bottom.any():
+            deviation = triad.bottom / BOTTOM * math.sqrt(math.log(4.0) / math.pi)
+            for process in self._flicker:
+                bias += process.draw(count) * deviation
+        return bias
+
+
+def quantised(values: Array, limit: float | None, resolution: float | None) -> Array:
+    """Return values limited to ``limit`` of either sign, as the nearest multiples of ``resolution`` within it."""
+    if resolution is None:
+        return values if limit is None else np.clip(values, -limit, limit)
+    steps = np.rint(values / resolution)
+    if limit is not None:
+        most = math.floor(limit / resolution * (1.0 + 1e-12))
+        steps = np.clip(steps, -most, most)
+    return np.asarray(steps * resolution)
+
+
+def axes_of(value: Axes) -> Array:
+    """Return a figure of three axes (3,)."""
+    return np.array(np.broadcast_to(np.asarray(value, np.float64), 3))

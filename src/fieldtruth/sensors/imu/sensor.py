@@ -6,12 +6,11 @@ from collections.abc import Iterable
 
 from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.imu import message
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.message import ImuReading
-from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu
-from fieldtruth.sensors.imu.sensing import ImuTruth
+from fieldtruth.sensors.imu.sensing import ImuErrors, ImuTruth, MeasuredImu
 from fieldtruth.sensors.kind import At, MotionSensor
 
 

@@ -1,18 +1,78 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the LiDAR; defaults from the paper's Tables 1, 2 and 5."""
+"""Configuration of a LiDAR, by default the paper's (Tables 1, 2 and 5), and the figures of a real one."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
 from fieldtruth.core.readings import Cloud
-from fieldtruth.experiment.fields import Boolean, Mount, Rate
-from fieldtruth.experiment.sensor_config import FrameName, Section, SensorName, TopicName
+from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Positive, Range, Rate
+from fieldtruth.experiment.sensor_config import FrameName, Output, Section, SensorName, SignalConfig, TopicName
 from fieldtruth.experiment.sensor_families import ScanningConfig
-from fieldtruth.experiment.topic import Output
-from fieldtruth.sensors.lidar.signal import LidarSignal
+
+MOST_SUB_RAYS: Final = 15
+MOST_STEPS: Final = 8
+Reflectance = Annotated[Number, Field(gt=0, le=2)]
+Deviation = Annotated[Number, Field(ge=0, le=10)]
+Returns = Literal["strongest", "last", "two"]
+SubRays = Annotated[Integer, Field(ge=1, le=MOST_SUB_RAYS)]
+
+
+class LidarSignal(SignalConfig):
+    """Power, noise and beam of a LiDAR.
+
+    The signal is counted in photons, whose number varies with its own square root (Poisson), and falls with the square
+    of the range (``noise``). A pulse returns if at least ``signal_at_reach`` photons are counted.
+    """
+
+    reach: Annotated[
+        tuple[tuple[Reflectance, Range], ...],
+        Field(max_length=MOST_STEPS, description="a list of pairs [reflectance, range in metres]"),
+    ] = ()
+    """Range [m] at which half of the pulses return from a matt surface of a reflectance that faces the LiDAR.
+
+    Of several pairs the mean in logarithm counts, as all of them follow from one figure. None: every pulse returns.
+    """
+    signal_at_reach: Positive = 12.0
+    """Photons of a pulse from the end of the reach, and the least that are taken for a return."""
+    range_noise: Annotated[
+        tuple[tuple[Positive, Deviation], ...],
+        Field(max_length=MOST_STEPS, description="a list of pairs [signal, standard deviation in metres]"),
+    ] = ()
+    """Standard deviation [m] of a range by signal [photon], rising signals; between them both logarithms are linear."""
+    resolution: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    """Step [m] of the ranges that it reports. 0: none."""
+    angle_noise_deg: Annotated[Number, Field(ge=0, le=5)] = 0.0
+    """Standard deviation of the angles that it reports, across and along the ring."""
+    divergence_deg: Annotated[Number, Field(ge=0, le=5)] = 0.0
+    """Angle in which the beam has more than half of its greatest irradiance (FWHM); used with ``sub_rays``."""
+    beam_diameter: Positive = 0.01
+    """[m] where the beam leaves the LiDAR; matters to single drops and flakes in the air."""
+    wavelength_nm: Annotated[Number, Field(ge=400, le=2000)] = 905.0
+    """Matters to light fog, and to rain above 1400."""
+    sub_rays: SubRays = 1
+    """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
+    returns: Returns = "strongest"
+    """Which echoes of a pulse are points: the strongest, the last, or two: the strongest and the last of the others."""
+    pulse_length: Annotated[Number, Field(ge=0, le=100)] = 0.0
+    """Distance [m] within which echoes of a pulse merge into one."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.sub_rays % 2 == 0:
+            raise ValueError(f"sub_rays must be an odd number, got {self.sub_rays}")
+        for name in ("divergence_deg", "pulse_length"):
+            if self.sub_rays > 1 and getattr(self, name) == 0.0:
+                raise ValueError(f"{name} must be above 0 with {self.sub_rays} sub_rays, got 0")
+        signals = [signal for signal, _ in self.range_noise]
+        if sorted(set(signals)) != signals:
+            raise ValueError(f"range_noise must have rising signals, got {', '.join(f'{s:g}' for s in signals)}")
+        if any(deviation == 0.0 for _, deviation in self.range_noise):
+            raise ValueError("range_noise must have deviations above 0; leave it out for exact ranges")
+        return self
+
 
 TimeField = Literal["time", "timestamp"]
 PointFields = Literal["ouster", "livox"]

@@ -21,10 +21,8 @@ _MAKERS: Final = {
     "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
 }
 """Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
-
 MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
 """Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
-
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 _DATATYPES: Final = {
     "<f4": PointField.FLOAT32,

@@ -6,12 +6,11 @@ from collections.abc import Iterable
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
-from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld
-from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar, Traced
 from fieldtruth.sensors.lidar.message import MEASURED, Scan, point_cloud
+from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
 
 
 class LidarSensor(Sensor):

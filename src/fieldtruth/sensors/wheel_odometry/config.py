@@ -1,16 +1,38 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
+"""Configuration of wheel odometry: encoders, what the robot's driver computes from them, and figures of real ones.
+
+``sensing.py`` states what the figures do to angles, speeds and odometry.
+"""
 
 from collections.abc import Mapping
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
+
+from pydantic import Field
 
 from fieldtruth.core.readings import Joints, Odometry, Reading, WheelSpeeds
-from fieldtruth.experiment.fields import Boolean, Frozen, Rate
-from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.sensor_config import Section, SensorConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import BASE, ODOM, WHEELS, Output
-from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Rate
+from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
+from fieldtruth.experiment.sensor_config import (
+    BASE,
+    ODOM,
+    Output,
+    Section,
+    SensorConfig,
+    SensorName,
+    SignalConfig,
+    TopicName,
+)
+
+
+class WheelSignal(SignalConfig):
+    """Real encoders, and wheels whose radii the robot does not know exactly."""
+
+    counts_per_revolution: Annotated[Integer, Field(ge=1, le=10**9)] | None = None
+    """Steps of an encoder in one turn of its wheel; None: continuous angles."""
+    radius_error: Annotated[Number, Field(ge=0, le=0.2)] = 0.0
+    """Standard deviation of the share by which the radius of each wheel differs from the one that the robot assumes."""
+
 
 WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
 JOINT_STATES: Final = "/joint_states"

@@ -10,13 +10,12 @@ from fieldtruth.bag.messages import JOINTS
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.readings import Joints, Reading, WheelSpeeds
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.topic import BASE, ODOM, Output
+from fieldtruth.experiment.sensor_config import BASE, ODOM, Output
 from fieldtruth.sensors.kind import At, MotionSensor
 from fieldtruth.sensors.wheel_odometry import message
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.message import WheelReading
-from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors
-from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
+from fieldtruth.sensors.wheel_odometry.sensing import MeasuredWheels, TrueWheels, WheelErrors, WheelTruth
 
 
 class Wheels(MotionSensor):
