@@ -6,8 +6,8 @@ Of a bag the messages in their order are compared, with topics, types and stamps
 
 Run: python benchmarks/digests.py FOLDER [--only park_1 exports] [--against OLD.json]. Prints JSON, and with --against
 exits with 1 if a digest differs. Bytes depend on the processor (see README), so both files must be of one machine.
-``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512; of bags
-those whose files had the same bytes before and after, when slices of a second were still the units of work.
+``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512; of
+the bag with signals those of the version after, which differ in last digits of the IMU.
 """
 
 import argparse

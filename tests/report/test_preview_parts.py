@@ -5,6 +5,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from report_worlds import EXPERIMENT, plain, small_park
 
@@ -13,16 +14,21 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
 from fieldtruth.report.drawing.images import downscaled
-from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, arc, render_aerial
+from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, Aerial, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
 from fieldtruth.report.preview.content import free_viewpoints, most_informative, obstacles
 from fieldtruth.report.preview.sheet import view_of
 from fieldtruth.sense.scene import Scene
 
 
-def test_aerial_projection_matches_closed_form() -> None:
-    world = plain(30.0, height=2.0)
-    aerial = render_aerial(bake(Scene(world), EXPERIMENT.light), 160)
+@pytest.fixture(scope="module")
+def aerial() -> Aerial:
+    """View of flat ground 2 m high, which is grass in the south and gravel in the north."""
+    world = plain(30.0, height=2.0, trail_north_of_0=True)
+    return render_aerial(bake(Scene(world), EXPERIMENT.light), 160)
+
+
+def test_aerial_projection_matches_closed_form(aerial: Aerial) -> None:
     assert aerial.photo.shape == (160, 160, 3)
     half = 15.0 + MARGIN
     scale = 160 / (2 * half)  # pixels per metre of ground
@@ -35,12 +41,10 @@ def test_aerial_projection_matches_closed_form() -> None:
     np.testing.assert_allclose(np.hypot(*(ring - (79.5 + 5 * scale, 79.5 + 3 * scale)).T), 3 * scale, atol=1e-9)
 
 
-def test_aerial_photo_matches_projection_with_north_right() -> None:
-    world = plain(30.0, trail_north_of_0=True)
-    aerial = render_aerial(bake(Scene(world), EXPERIMENT.light), 160)
+def test_aerial_photo_matches_projection_with_north_right(aerial: Aerial) -> None:
     bright = aerial.photo.astype(float).mean(axis=2)[20:140].mean(axis=0)
     edge = int(np.argmax(np.abs(np.diff(bright[20:140])))) + 20
-    expected = float(aerial.pixels([(0.0, 0.0, 0.0)])[0, 0])
+    expected = float(aerial.pixels([(0.0, 0.0, 2.0)])[0, 0])
     assert abs(edge + 0.5 - expected) <= 1.5
     assert bright[100:140].mean() > bright[20:60].mean() + 20  # gravel is brighter than grass
 

@@ -119,7 +119,7 @@ def test_images_of_a_camera_with_other_stamps_are_the_nearest(many_run: Path, tm
         later = stamp + 60_000_000 * (topic in (TAGS["front"], TAGS["rear"]))
         return topic, later, data[:4] + struct.pack("<2L", *divmod(later, 10**9)) + data[12:]
 
-    page = Page(write_report(with_experiment(many_run, tmp_path, change)))
+    page = page_of(with_experiment(many_run, tmp_path, change), tmp_path / "page.html")
     first = page.root.find(".//div[@class='stage']/figure")
     assert first is not None
     shown = [words(span) for span in first.findall(".//span[@class='side']")]
