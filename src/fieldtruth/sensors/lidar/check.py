@@ -23,6 +23,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import poses_at
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
@@ -387,7 +388,7 @@ class RetracedClouds(Checker):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:
-            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, self._rebuilt.robot_parts)
+            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
         own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
@@ -425,7 +426,7 @@ class RetracedClouds(Checker):
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
         lidars, name = vars(self._own), f"signal of {config.name}"
         if name not in lidars:
-            lidars[name] = Lidar(config, self._rebuilt.scene, robot=self._rebuilt.robot_parts)
+            lidars[name] = Lidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)
 
 
