@@ -22,8 +22,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import poses_at
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
