@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fieldtruth.core import cache
-from fieldtruth.experiment import catalogue
-from fieldtruth.experiment.catalogue import experiment_names, experiment_text
+from fieldtruth.experiment import names
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import experiment_names, experiment_text
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.grids import Line
@@ -39,7 +39,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     keys = {name: world_key(name) for name in ENVIRONMENTS}
     corridors = {name: [line.points.tobytes() for line in reserved_corridors(name)] for name in ENVIRONMENTS}
     text = experiment_text("park_1").replace("name: park_1", "name: park_9")
-    monkeypatch.setattr(catalogue, "_texts", lambda: {"park_9": text})
+    monkeypatch.setattr(names, "_texts", lambda: {"park_9": text})
     cache._sources_digest.cache_clear()
     assert experiment_names() == ("park_9",)
     assert {name: world_key(name) for name in ENVIRONMENTS} == keys
@@ -48,7 +48,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     modules = [f"{ENVIRONMENTS['park'].package}.build", "fieldtruth.world.build"]
     inputs = [path.relative_to(source).as_posix() for path in cache.import_closure(modules, source)]
     assert not [path for path in inputs if path.startswith("fieldtruth/experiment/builtin/")]
-    assert "fieldtruth/experiment/catalogue.py" not in inputs
+    assert "fieldtruth/experiment/names.py" not in inputs
 
 
 @pytest.mark.parametrize(

@@ -223,7 +223,8 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.core.registry import user_folders
-    from fieldtruth.experiment.catalogue import TITLES, list_experiments, list_models, list_robots
+    from fieldtruth.experiment.catalogue import TITLES, list_models, list_robots
+    from fieldtruth.experiment.names import list_experiments
     from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
@@ -278,8 +279,8 @@ def _preview(options: argparse.Namespace) -> None:
 
 
 def _shares(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.catalogue import experiment_names
     from fieldtruth.experiment.files import with_overrides
+    from fieldtruth.experiment.names import experiment_names
 
     if not options.experiments:
         raise UsageError(f"give experiments, or all. Available: {', '.join(experiment_names())}")
