@@ -59,11 +59,7 @@ def sun_direction(azimuth_deg: float, elevation_deg: float) -> Array:
 
 
 def daylight(
-    light: Light,
-    size: tuple[float, float],
-    rng: np.random.Generator,
-    pool: ThreadPoolExecutor,
-    texels: int,
+    light: Light, size: tuple[float, float], rng: np.random.Generator, pool: ThreadPoolExecutor, texels: int
 ) -> Daylight:
     """Compute the light of the sky over a world.
 
@@ -99,11 +95,7 @@ def daylight(
 
 
 def metered_daylight(
-    light: Light,
-    size: tuple[float, float],
-    rng: np.random.Generator,
-    pool: ThreadPoolExecutor,
-    texels: int,
+    light: Light, size: tuple[float, float], rng: np.random.Generator, pool: ThreadPoolExecutor, texels: int
 ) -> Daylight:
     """Return ``daylight`` divided by ``unit``, which a camera's meter and white balance select for open level ground.
 

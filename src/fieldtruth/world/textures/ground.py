@@ -100,13 +100,7 @@ TWIGS: Final = [(64, 58, 52), (100, 92, 84), (134, 127, 117)]
 
 @drawing
 def blades_over_soil(
-    rng: Rng,
-    *,
-    blades: int,
-    straw: float,
-    clover: int,
-    greens: Tones,
-    earth: Tones = ((52, 46, 38), (94, 84, 70)),
+    rng: Rng, *, blades: int, straw: float, clover: int, greens: Tones, earth: Tones = ((52, 46, 38), (94, 84, 70))
 ) -> Image:
     """Mown blades of grass over soil: a share ``straw`` of them is dead, ``clover`` leaves grow among them.
 
