@@ -20,7 +20,7 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.park.beyond import make_surroundings
 from fieldtruth.world.environments.park.config import Config
-from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import (
     COVER,
     Line,
@@ -286,10 +286,16 @@ def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float
 
 def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
     """Add benches and lamps along the trails, bins beside benches, tables on the lawn."""
-    lamps = ObjectGroup(kind="lamp_post", meshes=[make_lamp_post(0)], count=config.lamp_posts, spacing=9.0, tint=0.03)
+    lamps = ObjectGroup(
+        kind="lamp_post", meshes=[make_furniture("lamp_post_0")], count=config.lamp_posts, spacing=9.0, tint=0.03
+    )
     builder.along_trails(lamps, rng, offset=0.45)
     benches = ObjectGroup(
-        kind="bench", meshes=[make_bench(k) for k in range(3)], count=config.benches, spacing=6.0, tint=0.08
+        kind="bench",
+        meshes=[make_furniture(f"bench_{k}") for k in range(3)],
+        count=config.benches,
+        spacing=6.0,
+        tint=0.08,
     )
     seats = builder.along_trails(benches, rng, offset=0.95)
     _place_bins(builder, config.trash_bins, seats, rng)
@@ -298,7 +304,11 @@ def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> 
         return np.abs(builder.trail_distance(xy) - 4.5) < 2.5
 
     tables = ObjectGroup(
-        kind="table", meshes=[make_table(k) for k in range(2)], count=config.tables, spacing=5.0, tint=0.08
+        kind="table",
+        meshes=[make_furniture(f"table_{k}") for k in range(2)],
+        count=config.tables,
+        spacing=5.0,
+        tint=0.08,
     )
     builder.scatter(tables, rng, on_lawn)
 
@@ -308,7 +318,7 @@ def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], 
 
     Draws the order of the benches at first, then the tint of each placed bin.
     """
-    bins = [make_trash_bin(k) for k in range(2)]
+    bins = [make_furniture(f"trash_bin_{k}") for k in range(2)]
     candidates = []
     for row in rng.permutation(len(benches)):
         pose = benches[row].world_from_object
