@@ -9,13 +9,11 @@ from mesh_checks import assert_valid, face_normals
 from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.furniture import FURNITURE, make_furniture
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider
 
 LABELS = {"bench": Label.BENCH, "table": Label.TABLE, "lamp_post": Label.LAMP_POST, "trash_bin": Label.TRASH_BIN}
-PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name in FURNITURE}
-
 # Height, then extent along x and y [m]: least and most.
 SIZES = {
     "bench_0": ((0.82, 0.90), (0.55, 0.75), (1.6, 1.8)),
@@ -28,6 +26,9 @@ SIZES = {
     "trash_bin_0": ((0.85, 0.95), (0.5, 0.65), (0.5, 0.65)),
     "trash_bin_1": ((0.85, 1.05), (0.4, 0.6), (0.38, 0.5)),
 }
+
+
+PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name in SIZES}
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Street furniture: meshes with colliders, facing +x, made of parts that are data (sections ``furniture``).
+"""Street furniture and poles: meshes with colliders, facing +x, of parts that are data (sections ``furniture``).
 
 Park benches, 1.7 m wide, seat 0.45 m high: cast-iron sides, concrete sides, and one without a back. Lamp posts of 4 to
 5 m: a cast-iron column with a four-paned lantern, and a steel pole with a post-top luminaire. Tables, 0.75 m high, long
 side along y: planks on crossed legs, and a round chess table of concrete. Trash bins, about 0.9 m high: a slatted steel
-basket around a drum, and a hooded sheet-metal bin on a post.
+basket around a drum, and a hooded sheet-metal bin on a post. Poles of power lines: wood with a wooden cross-arm and
+brown porcelain, and concrete with a steel cross-arm and grey porcelain.
 """
 
 from collections.abc import Iterator
@@ -46,16 +47,17 @@ class Part:
 
     - box: size along x, y and z
     - beam: a box between two points of x and z; width, depth, and y
+    - strap: flat steel between two points, its flat side facing along x; thickness, width, overlap
     - lathe: points of radius and height
     - ball: radius
-    - tube: points in space, or of radius and height in a direction; radius
+    - tube: points in space, or of radius and height in a direction; its radius, or one for each point
     - plate: outline of x and z; width along y
     - bar: path of x and z; width along y, thickness
     - slats: planks side by side along a path of x and z, upper side to the left of it; width along y, thickness, gap
     - chequers: every second square of a chess board, the first or not (``count``); side of a square, height
     """
 
-    shape: Literal["box", "beam", "lathe", "ball", "tube", "plate", "bar", "slats", "chequers"] | None = None
+    shape: Literal["box", "beam", "strap", "lathe", "ball", "tube", "plate", "bar", "slats", "chequers"] | None = None
     material: str = ""
     points: tuple[tuple[float, ...], ...] = ()
     size: tuple[float, ...] = ()
@@ -147,6 +149,8 @@ def _solids(part: Part, direction: float) -> list[Mesh]:
             return [_box(part, size)]
         case "beam":
             return [_beam(part)]
+        case "strap":
+            return [_strap(part)]
         case "ball":
             turns = np.linspace(0, np.pi, 9)
             return [
@@ -159,7 +163,7 @@ def _solids(part: Part, direction: float) -> list[Mesh]:
         case "lathe":
             return [make_lathe(material, path, sides=part.sides, faceted=part.faceted)]
         case "tube":
-            return [make_tube(material, path, size[0], sides=part.sides)]
+            return [make_tube(material, path, size if len(size) > 1 else size[0], sides=part.sides)]
         case "plate":
             return [make_extrusion(material, path, size[0])]
         case "bar":
@@ -180,6 +184,19 @@ def _beam(part: Part) -> Mesh:
     return placed(
         _box(part, (float(np.hypot(*step)), width, depth)), pose((middle[0], y, middle[1]), (0.0, -tilt, 0.0))
     )
+
+
+def _strap(part: Part) -> Mesh:
+    a, b = np.array(part.points)
+    thickness, width, overlap = part.size
+    length = float(np.linalg.norm(b - a))
+    along = (b - a) / length
+    across = np.cross(along, [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    turned = np.eye(4)
+    turned[:3, :3] = np.stack([np.cross(across, along), across, along], axis=1)
+    turned[:3, 3] = (a + b) / 2
+    return placed(_box(part, (thickness, width, length + overlap)), turned)
 
 
 def _slats(part: Part, path: Array) -> list[Mesh]:

@@ -108,12 +108,6 @@ CREASE_DEG: Final = 40.0
 """Angle [deg] up to which adjacent sides share normals, so that the surface looks round; above it, edges are sharp."""
 
 
-def check_variant(kind: str, variant: int, count: int) -> None:
-    """Raise ValueError unless ``variant`` is one of ``count``."""
-    if not 0 <= variant < count:
-        raise ValueError(f"{kind} variant must be between 0 and {count - 1}, got {variant}")
-
-
 def make_part(material: str, vertices: ArrayLike, normals: ArrayLike, uv: ArrayLike, faces: ArrayLike) -> Mesh:
     """Mesh of one material from (v, 3) vertices [m], (v, 3) normals of any length, (v, 2) uv [m] and (f, 3) faces."""
     facing = np.asarray(normals, np.float64)

@@ -24,6 +24,7 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.environments.layout import hills_spacing
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import (
     COVER,
     Line,
@@ -46,7 +47,7 @@ from fieldtruth.world.placement import (
     random_scales,
     upright_poses,
 )
-from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, make_power_pole, wire_points
+from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, wire_points
 from fieldtruth.world.relief import with_layer, with_microrelief
 
 
@@ -268,7 +269,7 @@ def string_line(
     """
     poles = _free_positions(builder, config, far, rng)
     variant = int(rng.integers(2))
-    pole, points = make_power_pole(variant), wire_points(variant)
+    pole, points = make_furniture(f"power_pole_{variant}"), wire_points(variant)
     headings = np.gradient(poles, axis=0)
     poses = np.tile(np.eye(4), (len(poles), 1, 1))
     poses[:, :2, 0] = headings / np.linalg.norm(headings, axis=1, keepdims=True)
