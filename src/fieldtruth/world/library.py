@@ -23,7 +23,7 @@ FOLDER: Final = Path(__file__).parent / "data"  # written like this, `core.cache
 T = TypeVar("T")
 Entry = Mapping[str, Any]
 
-SHARED: Final = ("materials", "textures", "seasons", "litter", "furniture")
+SHARED: Final = ("materials", "textures", "seasons", "litter", "furniture", "ground_types")
 _SECTIONS: Final[dict[str, "Section[Any]"]] = {}
 _ADAPTERS: Final[dict[type, TypeAdapter[list[Any]]]] = {}
 

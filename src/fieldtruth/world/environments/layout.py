@@ -73,23 +73,24 @@ class PlantGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Planting:
-    """Groups of plants, and swarms, of an environment by name."""
+    """Groups of plants, and swarms, of an environment by name, and the corners [m] of its corridors."""
 
     groups: Mapping[str, PlantGroup]
     swarms: Mapping[str, SwarmForm]
+    corridors: tuple[tuple[tuple[float, float], ...], ...] = ()
 
 
 def _planting(name: str, content: Entry, path: Path) -> Planting:
     planting = validated(Planting, content, str(path))
     for key, group in planting.groups.items():
-        known = _LIBRARIES[group.form]
+        known = list(_LIBRARIES[group.form])  # names: no species is read
         for unknown in (each for each in group.species if each not in known):
             raise ConfigurationError(f"{path}: groups.{key}: unknown species {unknown!r}; {suggestion(unknown, known)}")
     return planting
 
 
 PLANTINGS: Final = Library("environments", _planting, lambda _: ())
-"""Plants by environment, one data file each."""
+"""Plants and corridors by environment, one data file each."""
 
 
 def heights_of(kind: Species | GrassSpecies, height: float, grown_in: GrownIn) -> tuple[float, float]:
