@@ -286,15 +286,5 @@ def directions_of(size: int) -> tuple[Array, Array]:
     return directions, weight * (2.0 * np.pi / weight.sum())
 
 
-def sky_irradiance(dome: Dome, normals: Array) -> Array:
-    """Irradiance (n, 3) by the sky, divided by pi, of surfaces with unit ``normals`` (n, 3); the ground is black."""
-    step = len(dome.rgb) // 64
-    small = dome.rgb.reshape(64, step, 64, step, 3).mean(axis=(1, 3))
-    directions, weight = directions_of(64)
-    seen = weight.ravel() > 0
-    facing = np.maximum(np.asarray(normals) @ directions.reshape(-1, 3)[seen].T, 0.0)
-    return np.asarray(facing * weight.ravel()[seen] @ small.reshape(-1, 3)[seen] / np.pi)
-
-
 def _node(index: Array, size: int) -> Array:
     return (index - (size - 1) / 2) / (size / 2 * EDGE)

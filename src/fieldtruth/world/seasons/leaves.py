@@ -29,6 +29,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh
+from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.seasons import Change, changes, tinted
@@ -378,14 +379,8 @@ def lay_leaves(
     for number, key in enumerate(np.unique(tile, axis=0)):
         own = (tile == key).all(axis=1)
         meshes.append(_mesh(f"{NAME}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
-    n = len(meshes)
-    poses, tint = np.tile(np.eye(4), (n, 1, 1)), np.ones((n, 3), np.float32)
-    names = tuple(mesh.name for mesh in meshes)
-    swarm = Swarm(
-        name=NAME, kind=NAME, object_id=0, meshes=names, mesh=np.arange(n, dtype=np.int32), world_from_object=poses,
-        tint=tint,
-    )  # fmt: skip
-    return swarm, meshes, materials
+    poses = np.tile(np.eye(4), (len(meshes), 1, 1))
+    return make_swarm(NAME, NAME, meshes, poses, None), meshes, materials
 
 
 def _positions(world: World, density: Raster, most: float, rng: np.random.Generator) -> Array:

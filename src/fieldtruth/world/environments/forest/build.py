@@ -426,7 +426,6 @@ TUFTS_PER_M2: Final = 8.0
 SEEDLINGS_PER_TUFT: Final = 3
 """Of ``beech_seedling`` and ``spruce_seedling``."""
 
-SEEDLINGS: Final[Mapping[str, float]] = {"beech_seedling": 0.7, "spruce_seedling": 0.3}
 SAPLINGS: Final[Mapping[str, int]] = {"beech": 4, "spruce": 2, "oak": 1}
 """Individuals of each species; members of the swarm are copies of them in equal numbers."""
 
@@ -537,13 +536,12 @@ def scatter_far_trees(
     ]
 
 
-def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     """Build a forest; ``corridors`` stay free of obstacles. The same arguments give the same world.
 
     Raises:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
-    config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(12)
     relief, growth, trees, dead, bushes, stones, herbs, cover, land = (np.random.default_rng(s) for s in seeds[:9])
     microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
@@ -557,21 +555,19 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     glades = make_glades(config.size, herbs)
     plant_herbs(builder, config, glades, herbs)
     plant_understorey(builder, config, glades, np.random.default_rng(seeds[11]))
+    hills = canopy(config.size, land)
     backdrop = make_backdrop(
-        builder.field,
-        config.size,
-        ("needles", "canopy"),
-        land,
-        land=canopy(config.size, land),
-        cover=far_cover(config.size),
+        builder.field, config.size, ("needles", "canopy"), land, land=hills, cover=far_cover(config.size)
     )
+    terrain = with_layer(cover_ground(builder, glades, cover), layer)
+    far = scatter_far_trees(builder, config, backdrop, growth, land)
     return assemble(
         builder,
-        with_layer(cover_ground(builder, glades, cover), layer),
+        terrain,
         name="forest",
         seed=seed,
         textures=seeds[9],
         backdrop=backdrop,
-        beyond=scatter_far_trees(builder, config, backdrop, growth, land),
+        beyond=far,
         litter=config.litter,
     )

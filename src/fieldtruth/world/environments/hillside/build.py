@@ -418,7 +418,7 @@ def scatter_beyond_edge(
     return [*plants, scatter_beyond(size, ground, planter.swarm("far_rocks", rocks), rng, within=75.0, margin=1.8)]
 
 
-def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     """Build a hillside; ``corridors`` are moderately steep and free of obstacles.
 
     The same arguments give the same world.
@@ -426,7 +426,6 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     Raises:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
-    config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(9)
     relief, cover, rocks, stones, plants, grass, beyond = (np.random.default_rng(s) for s in seeds[:7])
     microrelief, layer = (np.random.default_rng(s) for s in seeds[8].spawn(2))
@@ -437,16 +436,17 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     plant_bushes(builder, ground, config, plants)
     scatter_stones(builder, ground, config, stones)
     tufts = plant_grass(builder, ground, config, grass)
-    backdrop = make_backdrop(
-        ground.field, config.size, "heath", np.random.default_rng(beyond.integers(2**63)), land=land
-    )
+    hills = np.random.default_rng(beyond.integers(2**63))
+    backdrop = make_backdrop(ground.field, config.size, "heath", hills, land=land)
+    terrain = with_layer(as_terrain(ground, config.size), layer)
+    far = scatter_beyond_edge(builder, config, backdrop, tufts, beyond)
     return assemble(
         builder,
-        with_layer(as_terrain(ground, config.size), layer),
+        terrain,
         name="hillside",
         seed=seed,
         textures=seeds[7],
         backdrop=backdrop,
-        beyond=scatter_beyond_edge(builder, config, backdrop, tufts, beyond),
+        beyond=far,
         litter=config.litter,
     )

@@ -495,13 +495,12 @@ def _far_woods(
 WATER_TILE: Final = 30.0  # [m] of water that its texture covers
 
 
-def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     """Build a lake's shore; ``corridors`` stay dry and free of obstacles. The same arguments give the same world.
 
     Raises:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
-    config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(10)
     shape, wires, growth, trees, bushes, grass, cover, land = (np.random.default_rng(s) for s in seeds[:8])
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
@@ -514,15 +513,10 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     plant_trees(builder, shore, line, config, growth, trees)
     plant_bushes(builder, shore, config, bushes)
     plant_grass(builder, shore, config, grass)
+    terrain = with_layer(cover_ground(builder, shore, cover), layer)
+    far = [*line.beyond, *scatter_far_plants(builder, config, backdrop, basin, line, land)]
     return assemble(
-        builder,
-        with_layer(cover_ground(builder, shore, cover), layer),
-        name="lake",
-        seed=seed,
-        textures=seeds[8],
-        backdrop=backdrop,
-        beyond=[*line.beyond, *scatter_far_plants(builder, config, backdrop, basin, line, land)],
-        litter=config.litter,
+        builder, terrain, name="lake", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=far, litter=config.litter
     )
 
 

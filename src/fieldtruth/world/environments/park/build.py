@@ -459,13 +459,12 @@ def _base_distance(builder: WorldBuilder) -> Callable[[Array], Array]:
     return lambda xy: np.asarray(tree.query(xy)[0])
 
 
-def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     """Build a park; ``corridors`` stay free of obstacles. The same arguments give the same world.
 
     Raises:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
-    config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(10)
     relief, plants, trees, bushes, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:8])
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
@@ -477,14 +476,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     edge_beds(builder, beds, herbs)
     plant_herbs(builder, beds, config, herbs)
     terrain = with_layer(cover_ground(builder, beds, config.border_width, cover), layer)
-    backdrop, beyond = make_surroundings(builder, terrain, config, land)
+    backdrop, far = make_surroundings(builder, terrain, config, land)
     return assemble(
-        builder,
-        terrain,
-        name="park",
-        seed=seed,
-        textures=seeds[8],
-        backdrop=backdrop,
-        beyond=beyond,
-        litter=config.litter,
+        builder, terrain, name="park", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=far, litter=config.litter
     )
