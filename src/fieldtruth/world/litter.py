@@ -26,7 +26,6 @@ from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 
 Shape = Callable[[Array, Array, np.random.Generator], Surface]
 """Surface of n objects at foots (n, 3) [m] on level ground with sizes (n,) [m], their greatest extent."""
-
 _GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
 _BALL: Final = unit(
     np.array([[s * a, t * b, 0.0] for a, b in ((1.0, _GOLDEN),) for s in (-1, 1) for t in (-1, 1)])[:, [0, 1, 2]]
@@ -176,19 +175,14 @@ SHAPES: Final[Mapping[str, Shape]] = {
 }
 VARIANTS: Final = 6
 """Patches of each cover; with four quarter turns each is seen in 24 poses."""
-
 NEAR: Final = 5.0
 """Distance [m] from a trail or a corridor within which there are most patches."""
-
 FAR_SHARE: Final = 0.25
 """Share of the patches that remains far from them."""
-
 MOST_AREA: Final = 20_000.0
 """Area [m^2] of a world from which the number of patches stops growing."""
-
 UNDER_TREES: Final = 3.0
 """Distance [m] from a trunk over which fallen leaves become few."""
-
 _TREE: Final = 2.5  # [m] least height
 _AT_EDGE: Final = 0.3  # [m] from a trail's edge
 _TINT: Final = 0.13

@@ -31,7 +31,6 @@ from fieldtruth.world.textures import TEXTURES
 
 REFERENCE_FREQUENCY: Final = 0.1
 """Spatial frequency n0 [cycles/m] of ISO 8608."""
-
 ISO_CLASSES: Final[Mapping[str, float]] = {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
 """Unevenness Gd(n0) [m^3], the geometric mean of each class."""
 

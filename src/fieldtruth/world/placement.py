@@ -106,7 +106,6 @@ def random_tints(rng: np.random.Generator, spread: float, count: int) -> Float32
 
 Density = Callable[[Array], Array]
 """Share [0, 1] of the objects that are kept at positions (n, 2)."""
-
 FarSwarm = tuple[Swarm, Sequence[Mesh]]
 """A swarm outside the world's edge, with its meshes."""
 
@@ -189,7 +188,6 @@ def make_swarm(
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
-
 Attempt = Callable[[Array, int, bool], Instance | None]
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 

@@ -22,7 +22,6 @@ from fieldtruth.world.solids import make_tube
 
 _WIRES: Final = ((8.62, 9.36, 0.21), (9.02, 9.85, 0.23))
 """Heights [m] of the wires on the cross-arm and of the one on top, and the bundle's distance from the pole's middle."""
-
 _ARM: Final = 0.86  # [m] from the pole's middle to the outer insulators
 
 
@@ -34,13 +33,10 @@ def wire_points(variant: int) -> Array:
 
 CONDUCTOR_RADIUS: Final = 0.0068
 """Radius [m] of a conductor 94-AL1/15-ST1A with 13.6 mm diameter (EN 50182)."""
-
 BUNDLE_RADIUS: Final = 0.012
 """Radius [m] of a twisted bundle of insulated low-voltage conductors."""
-
 CHORD_ERROR: Final = 0.001
 """Greatest distance [m] between the curve and a segment of the tube."""
-
 _STEEPEST: Final = 20.0  # half the span over the parameter; a wire 10^7 times as long as its span
 
 

@@ -103,7 +103,6 @@ def path_length(path: Array) -> float:
 
 TILE: Final = 0.5
 """Size [m] of one repeat of a furniture texture, along u and v."""
-
 CREASE_DEG: Final = 40.0
 """Angle [deg] up to which adjacent sides share normals, so that the surface looks round; above it, edges are sharp."""
 

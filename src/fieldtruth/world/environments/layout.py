@@ -31,7 +31,6 @@ from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 
 Heights = float | tuple[float, float]
 """One height, or the least and the greatest."""
-
 _LIBRARIES: Final[Mapping[str, Mapping[str, Any]]] = {
     "tree": TREES, "snag": TREES, "bush": BUSHES, "tuft": GRASSES, "clump": GRASSES,
 }  # fmt: skip
@@ -173,18 +172,14 @@ class Planter:
 
 HILLS: Final = 0.2
 """Spacing [m] of the grid on which an environment shapes its hills; microrelief is added on that of the terrain."""
-
 MOST: Final = 400
 """Objects of a kind in a built-in world, or in a smaller one, at most; larger ones have as many to the hectare."""
-
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
 Spacing = Annotated[Number, Field(ge=0.01, le=1)]
 Count = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "area"]
 """Of objects; where it is not given it grows with the world's area."""
-
 ShoreCount = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "shore"]
 """Of objects along a line across the world, along x; where it is not given it grows with the world's length."""
-
 Density = Annotated[Number, Field(ge=0, le=20)]
 Individuals = Annotated[Integer, Field(ge=1, le=32)]
 Share = Annotated[Number, Field(ge=0, le=1)]

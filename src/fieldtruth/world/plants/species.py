@@ -26,7 +26,6 @@ from fieldtruth.world.library import Entry, Library, validated
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 GrownIn = Literal["open", "stand", "exposed"]
 """Surroundings of a growing tree: in the open, in a forest stand, or on a windy, stony slope."""
-
 _OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
     "spherical": lambda r: 0.2 + 0.8 * np.sin(np.pi * r),
@@ -415,9 +414,7 @@ def _grass_materials(species: GrassSpecies) -> list[str | None]:
 
 TREES: Final = Library("trees", _species, _materials)
 """Trees by name."""
-
 BUSHES: Final = Library("bushes", _species, _materials)
 """Bushes by name."""
-
 GRASSES: Final = Library("grasses", _grass, _grass_materials)
 """Grasses and herbs by name, class high grass."""

@@ -31,39 +31,28 @@ from fieldtruth.world.textures import make_texture
 
 DRIFT: Final = 0.2
 """Standard deviation of the depth in the open relative to its mean, at most twice that from it."""
-
 DRIFT_LENGTH: Final = 6.0  # [m]
 RIPPLE: Final = 0.06
 """Likewise of small unevenness."""
-
 RIPPLE_LENGTH: Final = 0.9  # [m]
 HOLDS: Final = 35.0
 """Slope [deg] up to which all snow lies."""
-
 SLIDES: Final = 55.0
 """Slope [deg] from which none lies."""
-
 SMOOTH: Final = 0.12
 """Standard deviation [m] of the Gaussian with which snow levels small relief."""
-
 CELL: Final = 0.25
 """[m] of the grid on which roofs and crowns are found."""
-
 FINE: Final = CELL**2 / 8
 """Area [m^2] of a triangle, seen from above, for each point that stands for it."""
-
 LEAF_EXTINCTION: Final = 0.5
 """Of falling snow by leaves and twigs, per projected leaf area index."""
-
 BURIED: Final = 0.15
 """Share of the ground that snow hides from which fallen leaves are below it."""
-
 FALLEN: Final = "fallen_leaves"
 """Kind of the swarm of fallen leaves."""
-
 HIDES: Final = 0.02
 """Depth [m] above grass and litter from which nothing below is seen."""
-
 SHORE: Final = 0.03
 """Height [m] above open water below which none lies."""
 
@@ -157,10 +146,8 @@ def _flat_parts(mesh: Mesh, world: World) -> tuple[Array, Array, Mask]:
 
 WHERE: Final = ("fern", "herb", "seedling")
 """Kinds of swarms beside whose members they grow."""
-
 NEAR: Final = 0.7
 """Standard deviation [m] of the distance along x and along y."""
-
 OFF_TRAIL: Final = 0.3  # [m]
 
 

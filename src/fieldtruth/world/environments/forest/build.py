@@ -68,13 +68,10 @@ CONIFERS = ("spruce", "pine")
 BROADLEAVES = ("beech", "birch", "oak")
 UPROOTED: Final = 0.006
 """Density [1/m^2] of pits and mounds."""
-
 OFF_TRAIL: Final = 3.0
 """Distance [m] of pits and mounds from a trail's edge."""
-
 RUT_OFF_CENTRE, RUT_WIDTH, RUT_DEPTH = 0.55, 0.12, 0.035
 """Distance [m] of ruts from a trail's centre line, the deviation of their Gaussian profile, and mean depth."""
-
 ROOTS: Final = 0.1
 """Largest spacing [m] of the terrain's nodes on which roots can be seen."""
 
@@ -286,13 +283,10 @@ def _lying_pose(candidate: Array, along: Array, ground: Array) -> Array:
 CELL: Final = 0.5  # [m]
 EXTINCTION: Final = 0.5
 """Of leaves in all directions: light below is exp(-0.5 leaf area index) (Monsi and Saeki 1953, from memory)."""
-
 LIGHT_BEYOND: Final = 0.3
 """Light that is left beyond the world's edge, where other trees stand."""
-
 CHOICES: Final = 12
 """Free positions among which a tree has the best; more would make rows."""
-
 ROUNDS: Final = 60
 """Sets of random positions that are drawn for a tree before the stand is full."""
 
@@ -422,18 +416,14 @@ def plant_herbs(builder: WorldBuilder, config: Config, glades: Raster, rng: np.r
 
 TUFTS_PER_M2: Final = 8.0
 """Density of tufts in a clump of grass."""
-
 SEEDLINGS_PER_TUFT: Final = 3
 """Of ``beech_seedling`` and ``spruce_seedling``."""
-
 SAPLINGS: Final[Mapping[str, int]] = {"beech": 4, "spruce": 2, "oak": 1}
 """Individuals of each species; members of the swarm are copies of them in equal numbers."""
-
 SAPLING_HEIGHT: Final = 2.2  # [m] of the habit
 SAPLING_SCALES: Final = (0.28, 0.7)
 """Of the smallest and the largest individual. The share of the leaves is the scale squared, so that they have their
 real size in each."""
-
 GROUP: Final = 7.0  # [m], wavelength of the groups of seedlings and dwarf shrubs
 TWIGS_PER_CLUMP: Final = 6
 

@@ -41,10 +41,8 @@ from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 REGION: Final = 1100.0
 """Half the side length [m] of the region."""
-
 MARGIN: Final = 90.0
 """Width [m] of the surroundings of the world."""
-
 _PROFILE: Final = (
     (-1100, 0), (-700, -5), (-330, -11), (-190, -7), (-150, 0), (-110, 12), (-60, 21), (-25, 25), (-17, 20), (-12, 10),
     (10, 9), (15, 22), (22, 27), (32, 24), (55, 20), (150, 17), (280, 20), (370, 3), (470, -16), (1100, -6),

@@ -52,7 +52,6 @@ from fieldtruth.world.relief import with_layer, with_microrelief
 BED_OFF_TRAIL: Final = 0.45
 OFF_CORRIDOR: Final = 1.25
 """Distances [m] of a bed's outline from a trail's edge and from a corridor's centre line."""
-
 INDIVIDUALS: Final = 3  # of each species
 STONE: Final = (0.2, 0.075, 0.035)
 """Length along the edge, width, and height above the ground [m] of a stone of the edge, low enough for a mower."""
@@ -343,7 +342,6 @@ def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], 
 
 ALIKE: Final = 14.0
 """Distance [m] within which two trees are not copies of one individual if another individual is available."""
-
 OFF_TRAIL: Final = 1.6  # [m]
 TRIES: Final = 6000
 
