@@ -20,7 +20,7 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
-from fieldtruth.world.placement import WorldBuilder, jittered_grid, random_tints, rotations_to, upright_poses
+from fieldtruth.world.placement import WorldBuilder, jittered_grid, make_swarm, rotations_to, upright_poses
 from fieldtruth.world.plants.grasses import discs, kites, spindles
 from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 
@@ -333,13 +333,5 @@ def _swarm(name: str, parts: Sequence[tuple[list[Mesh], Array]], rng: np.random.
     rows = np.concatenate(
         [VARIANTS * k + rng.integers(VARIANTS, size=len(poses)) for k, (_, poses) in enumerate(parts)]
     )
-    swarm = Swarm(
-        name=name,
-        kind=LITTER,
-        object_id=0,
-        meshes=tuple(mesh.name for mesh in meshes),
-        mesh=rows.astype(np.int32),
-        world_from_object=np.concatenate([poses for _, poses in parts]),
-        tint=random_tints(rng, _TINT, len(rows)),
-    )
-    return swarm, meshes
+    poses = np.concatenate([own for _, own in parts])
+    return make_swarm(name, LITTER, meshes, poses, rng, tint=_TINT, rows=rows), meshes

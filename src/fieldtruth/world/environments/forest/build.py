@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import Cover, Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.layout import HILLS, hills_spacing
 from fieldtruth.world.grids import (
@@ -503,15 +503,6 @@ def canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
     return land
 
 
-def far_cover(size: tuple[float, float]) -> Cover:
-    """Forest floor below the trees, canopy behind them."""
-
-    def cover(x: Array, y: Array, slope: Array) -> Index:
-        return (distance_beyond(size, x, y) > FAR_TREES - 1.0).astype(np.intp)
-
-    return cover
-
-
 def scatter_far_trees(
     builder: WorldBuilder, config: Config, backdrop: Mesh, growth: np.random.Generator, rng: np.random.Generator
 ) -> list[FarSwarm]:
@@ -546,9 +537,11 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     plant_herbs(builder, config, glades, herbs)
     plant_understorey(builder, config, glades, np.random.default_rng(seeds[11]))
     hills = canopy(config.size, land)
-    backdrop = make_backdrop(
-        builder.field, config.size, ("needles", "canopy"), land, land=hills, cover=far_cover(config.size)
-    )
+
+    def behind_trees(x: Array, y: Array, _slope: Array) -> Index:
+        return (distance_beyond(config.size, x, y) > FAR_TREES - 1.0).astype(np.intp)
+
+    backdrop = make_backdrop(builder.field, config.size, ("needles", "canopy"), land, land=hills, cover=behind_trees)
     terrain = with_layer(cover_ground(builder, glades, cover), layer)
     far = scatter_far_trees(builder, config, backdrop, growth, land)
     return assemble(

@@ -139,8 +139,8 @@ def _blended(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Ar
     return land
 
 
-_TURF, _SOIL, _SCREE, _ROCK = range(4)
-_MATERIALS: Final = ("turf_dry", "soil_stony", "scree", "rock_face")
+_COVERS: Final = {"turf": "turf_dry", "soil": "soil_stony", "scree": "scree", "rock": "rock_face"}
+"""Materials of the cover's channels."""
 
 
 class Ground(NamedTuple):
@@ -150,24 +150,13 @@ class Ground(NamedTuple):
     cover: Raster
     slope: Raster
 
-    def turf(self, xy: Array) -> Array:
-        """Share (n,) of turf at positions (n, 2)."""
-        return self._share(_TURF, xy)
-
-    def scree(self, xy: Array) -> Array:
-        """Share (n,) of scree at positions (n, 2)."""
-        return self._share(_SCREE, xy)
-
-    def rock(self, xy: Array) -> Array:
-        """Share (n,) of bare rock at positions (n, 2)."""
-        return self._share(_ROCK, xy)
+    def share(self, cover: str, xy: Array) -> Array:
+        """Share (n,) of turf, soil, scree or rock at positions (n, 2)."""
+        return np.asarray(self.cover.at(xy[:, 0], xy[:, 1])[:, list(_COVERS).index(cover)])
 
     def slope_deg(self, xy: Array) -> Array:
         """Slope (n,) [deg] at positions (n, 2), averaged over about a metre."""
         return self.slope.at(xy[:, 0], xy[:, 1])
-
-    def _share(self, channel: int, xy: Array) -> Array:
-        return np.asarray(self.cover.at(xy[:, 0], xy[:, 1])[:, channel])
 
 
 def make_ground(
@@ -181,18 +170,13 @@ def make_ground(
     mountain = make_mountain(x, y, config, distance, rngs[0])
     hills = smooth_corridors(mountain.heights, distance(*np.meshgrid(x, y, indexing="ij")), config)
     ground = cover_ground(make_heightfield(hills, spacing, x, y), mountain.drained, distance, rngs[1])
-    cover = list(
-        zip(map(config.roughness_of, config.grounds), _smoothed_shares(ground.cover, x, y, spacing), strict=True)
-    )
+    # Shares are averaged over about a metre: relief does not change from stone to stone.
+    shares = np.moveaxis(ground.cover.at(*np.meshgrid(x, y, indexing="ij")), -1, 0)
+    smooth = [gaussian_filter(share, 0.4 / spacing, mode="nearest") for share in shares]
+    cover = list(zip(map(config.roughness_of, config.grounds), smooth, strict=True))
     fine = grid_axes(config.size, config.grid)
     heights = with_microrelief(hills, (x, y), fine, cover, rngs[2])
     return ground._replace(field=make_heightfield(heights, config.grid, *fine)), mountain.land
-
-
-def _smoothed_shares(cover: Raster, x: Array, y: Array, spacing: float) -> list[Array]:
-    """Share of each ground at nodes x, y, averaged over about a metre: relief does not change from stone to stone."""
-    shares = cover.at(*np.meshgrid(x, y, indexing="ij"))
-    return [gaussian_filter(shares[..., k], 0.4 / spacing, mode="nearest") for k in range(shares.shape[-1])]
 
 
 def _corridor_distance(corridors: Sequence[Line]) -> Land:
@@ -241,7 +225,7 @@ def as_terrain(ground: Ground, size: tuple[float, float]) -> Terrain:
         field=ground.field,
         trail_distance=Raster(values=np.full(nodes, 1000.0, np.float32), spacing=1.0, x0=-size[0] / 2, y0=-size[1] / 2),
         cover=ground.cover,
-        ground_materials=_MATERIALS,
+        ground_materials=tuple(_COVERS.values()),
         trail_material="soil_stony",
         border_material="soil_stony",
     )
@@ -285,7 +269,7 @@ def plant_bushes(builder: WorldBuilder, ground: Ground, config: Config, rng: np.
 
 def _soil(ground: Ground, xy: Array) -> Array:
     """Share (n,) of soil that is not too steep."""
-    return np.clip(1 - ground.scree(xy) - ground.rock(xy), 0, 1) * (ground.slope_deg(xy) < 30)
+    return np.clip(1 - ground.share("scree", xy) - ground.share("rock", xy), 0, 1) * (ground.slope_deg(xy) < 30)
 
 
 def _group(kind: str, meshes: list[Mesh], count: int, spacing: float) -> ObjectGroup:
@@ -329,7 +313,7 @@ def plant_grass(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
 
     def density(xy: Array) -> Array:
         clump = np.clip(0.5 + 0.6 * solid_noise(xy, wavelength=5.0, octaves=3, rng=rng), 0, 1)
-        return np.clip(0.02 + 0.9 * clump * ground.turf(xy) * (1 - ground.scree(xy)), 0, 1)
+        return np.clip(0.02 + 0.9 * clump * ground.share("turf", xy) * (1 - ground.share("scree", xy)), 0, 1)
 
     if config.grass:
         builder.scatter_swarm(config.planter.swarm("grass", tufts, per_m2=config.grass), rng, density)
@@ -343,7 +327,7 @@ def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
         return np.clip((ground.slope_deg(xy) - 17) / 10, 0.02, 1)
 
     def rolled(xy: Array) -> Array:
-        return np.clip(0.15 + ground.scree(xy) + 0.5 * ground.rock(xy), 0, 1)
+        return np.clip(0.15 + ground.share("scree", xy) + 0.5 * ground.share("rock", xy), 0, 1)
 
     few = config.individuals
     crags = _make_rocks("crag", "crag", (2.2, 3.0), 2400, 2 * few, rng)
@@ -364,10 +348,10 @@ def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: n
     """Scatter swarms of stones, off the corridors' centre lines, and of pebbles."""
 
     def loose(xy: Array) -> Array:
-        return np.clip(0.12 + 0.9 * ground.scree(xy) + 0.5 * ground.rock(xy), 0, 1)
+        return np.clip(0.12 + 0.9 * ground.share("scree", xy) + 0.5 * ground.share("rock", xy), 0, 1)
 
     def gravel(xy: Array) -> Array:
-        return np.clip(1 - 0.85 * ground.turf(xy) - 0.4 * ground.rock(xy), 0, 1)
+        return np.clip(1 - 0.85 * ground.share("turf", xy) - 0.4 * ground.share("rock", xy), 0, 1)
 
     stones = _make_rocks("scree granite slab", "stone", (0.13, 0.2), 180, 4, rng)
     pebbles = _make_rocks("scree granite", "pebble", (0.04, 0.07), 80, 5, rng)

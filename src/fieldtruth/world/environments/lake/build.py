@@ -121,7 +121,7 @@ def make_shore(
     off_corridor = np.full(inland.shape, np.inf)
     for line in corridors:
         off_corridor = np.minimum(off_corridor, line.distance(nodes).reshape(inland.shape))
-    inland = _smooth_max(inland, DRY - off_corridor, 1.0) if corridors else inland
+    inland = np.logaddexp(inland, DRY - off_corridor) if corridors else inland  # a smooth maximum
     inland = _signed_distance(inland > 0) * spacing
     turns = fractal_noise(x, y, wavelength=30.0, octaves=2, rng=rng, gain=0.4)
     scarp = 1.0 / (1.0 + np.exp(-2.4 * (turns + 0.15)))
@@ -147,10 +147,6 @@ def _cover(config: Config, inland: Array, height: Array) -> list[tuple[Roughness
     scarp = (1.0 - mud) * np.clip((np.hypot(*np.gradient(height, hills_spacing(config.size))) - 0.4) / 0.2, 0.0, 1.0)
     shares = {"mud": mud, "earth": scarp, "meadow": 1.0 - mud - scarp}
     return [(config.roughness_of(ground), share) for ground, share in shares.items()]
-
-
-def _smooth_max(a: Array, b: Array, width: float) -> Array:
-    return np.asarray(np.logaddexp(a / width, b / width) * width)
 
 
 def _signed_distance(land: NDArray[np.bool_]) -> Array:
