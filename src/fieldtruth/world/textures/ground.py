@@ -361,14 +361,6 @@ def pebbles(rng: Rng) -> Image:
 
 
 @drawing
-def murky_water(rng: Rng) -> Image:
-    """Light that a lake scatters back from below its surface: murky green and brown, slowly varying."""
-    n = 128
-    cloud = 0.5 + 0.12 * noise(rng, n, 2, 12, slope=0.8)
-    return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
-
-
-@drawing
 def dry_turf(rng: Rng) -> Image:
     """Turf of a dry mountain in summer: tufts of bleached blades, lying straw, soil and pebbles between them."""
     tufts = noise(rng, N, 6, 30, slope=0.6)

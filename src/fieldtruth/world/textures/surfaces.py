@@ -136,9 +136,16 @@ def grass_blades(rng: Rng, *, tones: Tones, foot: Tone, tip: Tone, spots: float 
 @drawing
 def husks(rng: Rng, *, tones: Tones) -> Image:
     """Spikelets and plumes: fine hairs along v, dark gaps between the husks."""
-    hair = noise(rng, BLADE, 8, 60, slope=0.3, stretch=30.0)
-    husk = noise(rng, BLADE, 5, 30, slope=0.6, stretch=2.0)
-    return np.asarray(mix(tones, 0.5 + 0.14 * hair + 0.14 * husk), np.float32)
+    return mottled(rng, tones=tones, waves=[(0.14, 8, 60, 0.3, 30.0), (0.14, 5, 30, 0.6, 2.0)])
+
+
+@drawing
+def mottled(rng: Rng, *, tones: Tones, waves: Sequence[Sequence[float]], middle: float = 0.5) -> Image:
+    """Tones about the ``middle`` one, varied by noise: ``waves`` are amplitude, and low, high, slope and stretch."""
+    tone: Image | float = middle
+    for amplitude, low, high, slope, stretch in waves:
+        tone = tone + amplitude * noise(rng, BLADE, low, high, slope=slope, stretch=stretch)
+    return mix(tones, np.asarray(tone, np.float32))
 
 
 @drawing
@@ -175,12 +182,6 @@ def umbel(rng: Rng, *, floret: Tone, gap: Tone) -> Image:
     bunch = noise(rng, BLADE, 8, 24, slope=0.2)
     share = np.clip(0.75 + 0.6 * bunch, 0, 1)[..., None]
     return np.asarray(linear(floret) * share + linear(gap) * (1 - share), np.float32)
-
-
-@drawing
-def velvet(rng: Rng, *, tones: Tones) -> Image:
-    """Dense fine hairs, as on a cattail's spike; tiles."""
-    return np.asarray(mix(tones, 0.5 + 0.12 * noise(rng, BLADE, 2, 60, slope=0.5)), np.float32)
 
 
 @drawing
@@ -545,10 +546,3 @@ def concrete(rng: Rng) -> Image:
     size = rng.gamma(1.2, 0.6, 700).clip(0.6, 3)
     pores = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, 700), lambda a, b, _: 1 - a**2 - b**2, 1.0)])
     return even_out(np.where((pores.owner >= 0)[..., None], colour * np.float32(0.62), colour))
-
-
-@drawing
-def opal_glass(rng: Rng) -> Image:
-    """Opal glass of a lantern: almost even, slightly dusty."""
-    n = 128
-    return np.asarray(mix([(205, 203, 194), (236, 234, 226)], 0.55 + 0.10 * noise(rng, n, 2, 30)), np.float32)
