@@ -21,7 +21,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.interchange.inventory import COLUMNS, inventory
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
-from fieldtruth.world.environments.planting import PLANTINGS
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.materials import ISO_CLASSES
 from fieldtruth.world.model import Heightfield, Mesh, World
 from fieldtruth.world.plants import GRASSES, TREES, grow_tree

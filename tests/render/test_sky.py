@@ -12,10 +12,10 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import PRESETS, Light, LightConfig, Preset
 from fieldtruth.kernels.camera import FILMIC, FILMIC_TOP
 from fieldtruth.kernels.clouds import MAP_TEXEL
-from fieldtruth.kernels.light import DISC, LIMB, RADIUS
+from fieldtruth.kernels.light import DISC, LIMB, RADIUS, Dome
 from fieldtruth.render.atmosphere import LUMINANCE, LUX_PER_UNIT, RGB_FROM_SPECTRUM, SOLAR
 from fieldtruth.render.clouds import FULLEST, SEEN, cumulus_map, passed_by
-from fieldtruth.render.daylight import Daylight, daylight, directions_of, metered_daylight, sky_irradiance
+from fieldtruth.render.daylight import Daylight, daylight, directions_of, metered_daylight
 
 SMALL = 256
 CLEAR = Light(180.0, 40.0, "none", 0.0, 2.5, 0.0)
@@ -24,6 +24,16 @@ CLEAR = Light(180.0, 40.0, "none", 0.0, 2.5, 0.0)
 def day(light: Light, workers: int = 2, seed: int = 0) -> Daylight:
     with ThreadPoolExecutor(workers) as pool:
         return daylight(light, (100.0, 100.0), np.random.default_rng(seed), pool, SMALL)
+
+
+def sky_irradiance(dome: Dome, normals: Array) -> Array:
+    """Irradiance (n, 3) by the sky, divided by pi, of surfaces with unit ``normals`` (n, 3); the ground is black."""
+    step = len(dome.rgb) // 64
+    small = dome.rgb.reshape(64, step, 64, step, 3).mean(axis=(1, 3))
+    directions, weight = directions_of(64)
+    seen = weight.ravel() > 0
+    facing = np.maximum(np.asarray(normals) @ directions.reshape(-1, 3)[seen].T, 0.0)
+    return np.asarray(facing * weight.ravel()[seen] @ small.reshape(-1, 3)[seen] / np.pi)
 
 
 def lux(rgb: Array | Float32Array) -> float:

@@ -20,15 +20,16 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.sensing import IdealLidar
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.power_lines import hang, make_cable, make_power_pole
+from fieldtruth.world.power_lines import hang, make_cable
 
 
 def test_rays_at_a_cable_and_a_pole() -> None:
     wire = hang((-20.0, 6.0, 8.0), (20.0, 9.0, 8.6), sag=0.7)
     mesh, pose = make_cable("wire", wire)
-    pole = make_power_pole(0)
+    pole = make_furniture("power_pole_0")
     standing = np.eye(4)
     standing[:3, 3] = 5.0, -8.0, 0.0
     world = make_world([(mesh, pose), (pole, standing)])

@@ -14,7 +14,7 @@ from crown_statistics import CrownStatistics, crown_statistics, leaf_area, leaf_
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
-from fieldtruth.world.environments.planting import PLANTINGS
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.plants.species import leaf_share

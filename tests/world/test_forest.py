@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.classes import Label
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
-from fieldtruth.world.environments.planting import PLANTINGS
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, Instance, World
 from fieldtruth.world.plants import TREES

@@ -2,26 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Furniture has real dimensions, feet in the ground, one class, and colliders that fit."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from mesh_checks import assert_valid, face_normals
 
 from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Collider, Mesh
+from fieldtruth.world.model import Collider
 
-MAKERS: dict[str, tuple[Callable[[int], Mesh], int, Label]] = {
-    "bench": (make_bench, 3, Label.BENCH),
-    "table": (make_table, 2, Label.TABLE),
-    "lamp_post": (make_lamp_post, 2, Label.LAMP_POST),
-    "trash_bin": (make_trash_bin, 2, Label.TRASH_BIN),
-}
-PIECES = {f"{kind}_{k}": (make(k), label) for kind, (make, count, label) in MAKERS.items() for k in range(count)}
-
+LABELS = {"bench": Label.BENCH, "table": Label.TABLE, "lamp_post": Label.LAMP_POST, "trash_bin": Label.TRASH_BIN}
 # Height, then extent along x and y [m]: least and most.
 SIZES = {
     "bench_0": ((0.82, 0.90), (0.55, 0.75), (1.6, 1.8)),
@@ -34,6 +26,9 @@ SIZES = {
     "trash_bin_0": ((0.85, 0.95), (0.5, 0.65), (0.5, 0.65)),
     "trash_bin_1": ((0.85, 1.05), (0.4, 0.6), (0.38, 0.5)),
 }
+
+
+PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name in SIZES}
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:
@@ -112,10 +107,6 @@ def test_benches_face_forward(name: str, width: float) -> None:
     assert np.ptp(wood[:, 1]) == pytest.approx(width, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", MAKERS)
-def test_unknown_variant_is_rejected(kind: str) -> None:
-    make, count, _ = MAKERS[kind]
-    with pytest.raises(ValueError, match=rf"variant must be between 0 and {count - 1}, got {count}"):
-        make(count)
-    with pytest.raises(ValueError, match="got -1"):
-        make(-1)
+def test_unknown_furniture_is_rejected() -> None:
+    with pytest.raises(ConfigurationError, match="unknown furniture 'bench_3'; did you mean 'bench_"):
+        make_furniture("bench_3")

@@ -15,7 +15,7 @@ import yaml
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import world_key
-from fieldtruth.world.environments.planting import PLANTINGS
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.library import SHARED, data_files
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_snag, grow_tree

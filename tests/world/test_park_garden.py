@@ -11,7 +11,7 @@ from park_worlds import park_variant, real_park
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.environments.park.beds import STONE, Bed, bed_distance
+from fieldtruth.world.environments.park.build import STONE, Bed, bed_distance
 from fieldtruth.world.environments.park.config import CORRIDORS
 from fieldtruth.world.model import LITTER, Swarm, World
 

@@ -14,7 +14,7 @@ from sense_worlds import without_textures
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout
-from fieldtruth.world.environments.planting import PLANTINGS, Planter
+from fieldtruth.world.environments.layout import PLANTINGS, Planter
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
 
 LAYOUTS = {
@@ -80,7 +80,7 @@ def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:
     text = re.sub(r"(?ms)^(materials|textures):.*?(?=^\S|\Z)", "", lime.read_text())
     (tmp_path / "trees/rowan.yaml").write_text(text)
     code = (
-        "from fieldtruth.world.environments.planting import Planter; import numpy as np;"
+        "from fieldtruth.world.environments.layout import Planter; import numpy as np;"
         "print(Planter('park', {'small_tree': ['rowan']}).grow('small_tree', np.random.default_rng(0))[0].species)"
     )
     environment = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.classes import Label
 from fieldtruth.world.environments.lake.build import string_line
 from fieldtruth.world.environments.lake.config import Config
+from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield
@@ -22,7 +23,6 @@ from fieldtruth.world.power_lines import (
     Catenary,
     hang,
     make_cable,
-    make_power_pole,
     wire_points,
 )
 
@@ -125,7 +125,7 @@ def test_cables_have_class_cable_and_no_colliders() -> None:
 
 @pytest.mark.parametrize("variant", [0, 1])
 def test_poles_have_class_post_and_reach_into_the_ground(variant: int) -> None:
-    mesh = make_power_pole(variant)
+    mesh = make_furniture(f"power_pole_{variant}")
     assert {MATERIALS[n].label for n in mesh.materials} == {Label.POST}
     assert 8.0 < mesh.vertices[:, 2].max() < 10.0
     assert mesh.vertices[:, 2].min() < -1.0
@@ -140,16 +140,11 @@ def test_poles_have_class_post_and_reach_into_the_ground(variant: int) -> None:
 @pytest.mark.parametrize("variant", [0, 1])
 def test_wires_end_at_insulators(variant: int) -> None:
     """The axis of each wire ends on the pole's surface: within 3 cm of a vertex of its insulator."""
-    mesh, held = make_power_pole(variant), wire_points(variant)
+    mesh, held = make_furniture(f"power_pole_{variant}"), wire_points(variant)
     assert held.shape == (4, 3)
     nearest = np.linalg.norm(mesh.vertices[:, None] - held, axis=-1).min(axis=0)
     assert nearest.max() < 0.03
     assert np.ptp(held[:2, 1]) > 1.5
-
-
-def test_unknown_variant_is_rejected() -> None:
-    with pytest.raises(ValueError, match="power pole variant must be between 0 and 1, got 2"):
-        make_power_pole(2)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

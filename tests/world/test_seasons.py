@@ -26,10 +26,9 @@ from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_tree, grow_tuft
 from fieldtruth.world.seasons import SEASONAL, changes, seasons
-from fieldtruth.world.seasons.change import in_season, recoloured
+from fieldtruth.world.seasons.change import HOLDS, SLIDES, in_season, recoloured, snowed_in
 from fieldtruth.world.seasons.leaves import in_season as mesh_in_season
 from fieldtruth.world.seasons.leaves import variant
-from fieldtruth.world.seasons.snow import HOLDS, SLIDES, snowed_in
 
 SMALL: Final = {"size": [40.0, 30.0], "grid": 0.2, "large_trees": 4, "small_trees": 3, "bushes": 3, "benches": 1,
                 "lamp_posts": 1, "tables": 1, "trash_bins": 1, "individuals": 1, "beyond": False}  # fmt: skip

@@ -59,11 +59,7 @@ def sun_direction(azimuth_deg: float, elevation_deg: float) -> Array:
 
 
 def daylight(
-    light: Light,
-    size: tuple[float, float],
-    rng: np.random.Generator,
-    pool: ThreadPoolExecutor,
-    texels: int,
+    light: Light, size: tuple[float, float], rng: np.random.Generator, pool: ThreadPoolExecutor, texels: int
 ) -> Daylight:
     """Compute the light of the sky over a world.
 
@@ -99,11 +95,7 @@ def daylight(
 
 
 def metered_daylight(
-    light: Light,
-    size: tuple[float, float],
-    rng: np.random.Generator,
-    pool: ThreadPoolExecutor,
-    texels: int,
+    light: Light, size: tuple[float, float], rng: np.random.Generator, pool: ThreadPoolExecutor, texels: int
 ) -> Daylight:
     """Return ``daylight`` divided by ``unit``, which a camera's meter and white balance select for open level ground.
 
@@ -292,16 +284,6 @@ def directions_of(size: int) -> tuple[Array, Array]:
     directions = np.stack([2.0 * p, 2.0 * q, 1.0 - radius], axis=-1) / (1.0 + radius)[..., None]
     weight = np.where(p * p + q * q < 1.0, 4.0 / (1.0 + radius) ** 2, 0.0) * (2.0 / (size * EDGE)) ** 2
     return directions, weight * (2.0 * np.pi / weight.sum())
-
-
-def sky_irradiance(dome: Dome, normals: Array) -> Array:
-    """Irradiance (n, 3) by the sky, divided by pi, of surfaces with unit ``normals`` (n, 3); the ground is black."""
-    step = len(dome.rgb) // 64
-    small = dome.rgb.reshape(64, step, 64, step, 3).mean(axis=(1, 3))
-    directions, weight = directions_of(64)
-    seen = weight.ravel() > 0
-    facing = np.maximum(np.asarray(normals) @ directions.reshape(-1, 3)[seen].T, 0.0)
-    return np.asarray(facing * weight.ravel()[seen] @ small.reshape(-1, 3)[seen] / np.pi)
 
 
 def _node(index: Array, size: int) -> Array:

@@ -29,6 +29,7 @@ from fieldtruth.kernels.light import MaterialTable
 from fieldtruth.kernels.textures import LEVELS, SUN_ONE, TERMS, Atlas, Relief, linear_from_srgb, srgb_from_linear
 from fieldtruth.sense.scene import grid_of
 from fieldtruth.world.model import Heightfield, Terrain, World
+from fieldtruth.world.textures.canvas import halve
 
 WATER: Final = 1.33
 """Refractive index of water."""
@@ -202,18 +203,13 @@ def _mip_maps(
         yield code[..., 0] | code[..., 1] << 8 | code[..., 2] << 16 | share << 24, np.rint(height).astype(np.uint8)
         if len(colour) == 1:
             return
-        colour, height = _halved(colour), _halved(height)
-        lit = None if lit is None else _halved(lit)
+        colour, height = halve(colour), halve(height)
+        lit = None if lit is None else halve(lit)
 
 
 def _grey(colour: Float32Array) -> Float32Array:
     """Mean of the channels; NumPy's ``mean`` over so short an axis takes eight times as long."""
     return np.asarray((colour[..., 0] + colour[..., 1] + colour[..., 2]) / np.float32(3.0))
-
-
-def _halved(image: Float32Array) -> Float32Array:
-    rows = image[::2] + image[1::2]
-    return np.asarray((rows[:, ::2] + rows[:, 1::2]) * np.float32(0.25))
 
 
 STEEPEST: Final = 1.0

@@ -10,7 +10,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.light import AirTable, LightTable, MaterialTable, Shading, SnowTable, SurfaceTable, WireTable
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.world.model import Mesh, Terrain
-from fieldtruth.world.seasons.snow import hidden_share
+from fieldtruth.world.seasons.change import hidden_share
 
 LOADS: Final = 0.05
 """Depth [m] in the open from which all that faces up is white."""

@@ -30,24 +30,19 @@ from fieldtruth.world.placement import (
 
 Land = Callable[[Array, Array], Array]
 """Height [m] of the land beyond the edge at world x, y [m], arrays of one shape."""
-
 Cover = Callable[[Array, Array, Array], Index]
 """Index of the material of triangles (n,) at x, y [m] with a slope [rad]."""
-
 RINGS: Final = (
     0.0, 0.4, 0.8, 1.3, 1.9, 2.6, 3.4, 4.3, 5.3, 6.5, 7.9, 9.5, 11.3, 13.4, 15.9, 18.7, 22.0, 25.8, 30.2, 35.2, 41.0,
     47.7, 55.4, 64.3, 74.5, 86.2, 100.0,
 )  # fmt: skip
 """Distances [m] of the inner rings of vertices from the edge. The first has all nodes of the edge."""
-
 FAR_RINGS: Final = tuple(100.0 * 9.5 ** (k / 56) for k in range(1, 57))
 """Distances [m] of the outer rings."""
-
 NEAR_STEP: Final = 0.2
 """Distance [m] along the edge between the nodes that the inner rings after the first continue."""
 COARSER: Final = 4
 """The outer rings continue each of this number of those nodes."""
-
 HEIGHT_FADES: Final = 14.0
 """Distance [m] within which the edge's smoothed height blends into the land beyond."""
 DETAIL_FADES: Final = 1.6

@@ -35,10 +35,8 @@ _ALIGNED: Final = 64  # [byte] multiples at which arrays start in a stored world
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 _BASE: Final = 4e8
 """Memory [byte] for building a world, besides what grows with its terrain's nodes and with its area."""
-
 _PER_NODE: Final = 60
 """Memory [byte] per node of the terrain while it is built."""
-
 _PER_M2: Final = 1000
 """Memory [byte] for the objects on a square metre."""
 

@@ -21,10 +21,8 @@ from fieldtruth.world.model import Heightfield, Raster
 
 BUILT_IN: Final = (100.0, 50.0)
 """Length and width [m] of the built-in worlds, for which the default counts are."""
-
 FINE_AREA: Final = 40_000.0
 """Area [m^2] up to which grids have their full resolution: 16 million nodes of the terrain."""
-
 COVER: Final = 0.1
 """Spacing [m] of the grid of a world's cover at full resolution."""
 

@@ -22,8 +22,7 @@ from fieldtruth.core.registry import user_folders
 FOLDER: Final = Path(__file__).parent / "data"  # written like this, `core.cache` finds the files
 T = TypeVar("T")
 Entry = Mapping[str, Any]
-
-SHARED: Final = ("materials", "textures", "seasons", "litter")
+SHARED: Final = ("materials", "textures", "seasons", "litter", "furniture", "ground_types")
 _SECTIONS: Final[dict[str, "Section[Any]"]] = {}
 _ADAPTERS: Final[dict[type, TypeAdapter[list[Any]]]] = {}
 

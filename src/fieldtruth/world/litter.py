@@ -20,13 +20,12 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
-from fieldtruth.world.placement import WorldBuilder, jittered_grid, random_tints, rotations_to, upright_poses
+from fieldtruth.world.placement import WorldBuilder, jittered_grid, make_swarm, rotations_to, upright_poses
 from fieldtruth.world.plants.grasses import discs, kites, spindles
 from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 
 Shape = Callable[[Array, Array, np.random.Generator], Surface]
 """Surface of n objects at foots (n, 3) [m] on level ground with sizes (n,) [m], their greatest extent."""
-
 _GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
 _BALL: Final = unit(
     np.array([[s * a, t * b, 0.0] for a, b in ((1.0, _GOLDEN),) for s in (-1, 1) for t in (-1, 1)])[:, [0, 1, 2]]
@@ -176,19 +175,14 @@ SHAPES: Final[Mapping[str, Shape]] = {
 }
 VARIANTS: Final = 6
 """Patches of each cover; with four quarter turns each is seen in 24 poses."""
-
 NEAR: Final = 5.0
 """Distance [m] from a trail or a corridor within which there are most patches."""
-
 FAR_SHARE: Final = 0.25
 """Share of the patches that remains far from them."""
-
 MOST_AREA: Final = 20_000.0
 """Area [m^2] of a world from which the number of patches stops growing."""
-
 UNDER_TREES: Final = 3.0
 """Distance [m] from a trunk over which fallen leaves become few."""
-
 _TREE: Final = 2.5  # [m] least height
 _AT_EDGE: Final = 0.3  # [m] from a trail's edge
 _TINT: Final = 0.13
@@ -339,13 +333,5 @@ def _swarm(name: str, parts: Sequence[tuple[list[Mesh], Array]], rng: np.random.
     rows = np.concatenate(
         [VARIANTS * k + rng.integers(VARIANTS, size=len(poses)) for k, (_, poses) in enumerate(parts)]
     )
-    swarm = Swarm(
-        name=name,
-        kind=LITTER,
-        object_id=0,
-        meshes=tuple(mesh.name for mesh in meshes),
-        mesh=rows.astype(np.int32),
-        world_from_object=np.concatenate([poses for _, poses in parts]),
-        tint=random_tints(rng, _TINT, len(rows)),
-    )
-    return swarm, meshes
+    poses = np.concatenate([own for _, own in parts])
+    return make_swarm(name, LITTER, meshes, poses, rng, tint=_TINT, rows=rows), meshes

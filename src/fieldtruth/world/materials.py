@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Materials and ground types by name. Materials are the ``materials`` sections of the data files.
+"""Materials and ground types by name. They are sections of the data files.
 
 A material belongs to exactly one class. Its texture, by default the one of its own name, has the albedo of the surface;
 a tint only distinguishes materials that share a texture.
@@ -21,7 +21,7 @@ earth; a real one reads 12 mm in grass, its own 3.6 mm included.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, suggestion
@@ -31,7 +31,6 @@ from fieldtruth.world.textures import TEXTURES
 
 REFERENCE_FREQUENCY: Final = 0.1
 """Spatial frequency n0 [cycles/m] of ISO 8608."""
-
 ISO_CLASSES: Final[Mapping[str, float]] = {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
 """Unevenness Gd(n0) [m^3], the geometric mean of each class."""
 
@@ -62,36 +61,21 @@ class GroundType:
     """A kind of ground, for relief and soil mechanics; paving, rock and mud have no ``layer``."""
 
     name: str
-    roughness: Roughness
+    iso_class: Literal["A", "B", "C", "D", "E", "F", "G", "H"]
+    waviness: float = 2.0
     layer: Layer | None = None
 
+    @property
+    def roughness(self) -> Roughness:
+        """Roughness of its class."""
+        return Roughness(ISO_CLASSES[self.iso_class], self.waviness)
 
-def _ground_type(name: str, iso_class: str, layer: Layer | None = None, *, waviness: float = 2.0) -> GroundType:
-    return GroundType(name, Roughness(ISO_CLASSES[iso_class], waviness), layer)
+
+def _ground_type(name: str, entry: Entry, source: str) -> GroundType:
+    return validated(GroundType, {**entry, "name": name}, source)
 
 
-GROUND_TYPES: Final[Mapping[str, GroundType]] = {
-    g.name: g
-    for g in (
-        _ground_type("paving", "A"),
-        _ground_type("gravel", "C", Layer(0.003, 0.0012), waviness=2.1),
-        _ground_type("lawn", "D", Layer(0.04, 0.0125)),
-        _ground_type("dry_grass", "D", Layer(0.045, 0.018)),
-        _ground_type("mulch", "C", Layer(0.025, 0.008)),
-        _ground_type("leaf_litter", "D", Layer(0.03, 0.011)),
-        _ground_type("meadow", "D", Layer(0.06, 0.020)),
-        _ground_type("forest_floor", "E", Layer(0.05, 0.021)),
-        _ground_type("moss", "E", Layer(0.04, 0.018)),
-        _ground_type("earth", "D", Layer(0.007, 0.0027)),
-        _ground_type("trodden_earth", "D", Layer(0.009, 0.0036), waviness=1.8),
-        _ground_type("mud", "C", waviness=2.5),
-        _ground_type("pebbles", "C", waviness=2.5),
-        _ground_type("dry_turf", "E", Layer(0.06, 0.0235)),
-        _ground_type("stony_soil", "E"),
-        _ground_type("scree", "F"),
-        _ground_type("rock", "F"),
-    )
-}
+GROUND_TYPES: Final = Section("ground_types", _ground_type)
 """Every ground type by name; ``Material.ground_type`` refers to it."""
 
 

@@ -25,13 +25,10 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest
 
 GREY: Final = (0.3, 0.3, 0.3)
 """Colour of meshes without one."""
-
 FARTHEST: Final = 10_000.0
 """Distance [m] of vertices from the origin along each axis at most: a position there is single precision, 1 mm."""
-
 TAKEN: Final = ("husky", "meshes_ground")
 """Names of the robot and of the ground, instance ids 0 and 1."""
-
 _CLASSES: Final = {
     name.replace(" ", "_").lower(): each.label
     for each in CLASSES
@@ -178,16 +175,12 @@ def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Arr
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
-
 LITTER: Final = "litter"
 """Kind of the swarms of what lies loose on the ground: it bears no wheel."""
-
 WIDE_IDS: Final = 1 << 16
 """Instance ids from here on do not fit into 16 bits."""
-
 _AROUND: Final = 10.0
 """[m] of ground around a user's meshes."""
-
 _WATER_MIRROR: Final = 0.02
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.grids import BUILT_IN, Line, Trail
@@ -106,7 +106,6 @@ def random_tints(rng: np.random.Generator, spread: float, count: int) -> Float32
 
 Density = Callable[[Array], Array]
 """Share [0, 1] of the objects that are kept at positions (n, 2)."""
-
 FarSwarm = tuple[Swarm, Sequence[Mesh]]
 """A swarm outside the world's edge, with its meshes."""
 
@@ -165,17 +164,23 @@ def random_scales(rng: np.random.Generator, scales: tuple[float, float], count: 
 
 
 def make_swarm(
-    name: str, kind: str, meshes: Sequence[Mesh], poses: Array, rng: np.random.Generator | None, *, tint: float = 0.1
+    name: str,
+    kind: str,
+    meshes: Sequence[Mesh],
+    poses: Array,
+    rng: np.random.Generator | None,
+    *,
+    tint: float = 0.1,
+    rows: Index | None = None,
 ) -> Swarm:
     """Assemble a swarm at poses (n, 4, 4); ``assemble`` sets its instance id when all objects are known.
 
-    Draws the mesh of each pose, then the tints. Without a generator meshes are used in turn, untinted.
+    Draws the mesh of each pose, unless ``rows`` (n,) names it, then the tints. Without a generator meshes are used in
+    turn, untinted.
     """
     n = len(poses)
-    if rng is None:
-        rows, tints = np.arange(n) % len(meshes), np.ones((n, 3), np.float32)
-    else:
-        rows, tints = rng.integers(len(meshes), size=n), random_tints(rng, tint, n)
+    if rows is None:
+        rows = np.arange(n) % len(meshes) if rng is None else rng.integers(len(meshes), size=n)
     return Swarm(
         name=name,
         kind=kind,
@@ -183,13 +188,12 @@ def make_swarm(
         meshes=tuple(mesh.name for mesh in meshes),
         mesh=rows.astype(np.int32),
         world_from_object=poses,
-        tint=tints,
+        tint=np.ones((n, 3), np.float32) if rng is None else random_tints(rng, tint, n),
     )
 
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
-
 Attempt = Callable[[Array, int, bool], Instance | None]
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 

@@ -221,10 +221,8 @@ def _ridges(dx: Array, dy: Array, points: Array) -> Array:
 
 BAND: Final = (0.125, 10.0)
 """Lowest and highest spatial frequency [cycles/m]: 8 m, above which are the environment's own hills, to 0.1 m."""
-
 SPACING: Final = 0.05
 """Distance [m] between the nodes of the microrelief: two to the shortest wave."""
-
 Axes = tuple[Array, Array]
 """Coordinates [m] along x and along y of a grid's nodes."""
 

@@ -290,7 +290,6 @@ def _collider(visible: Array, foot: float) -> Collider:
 
 LEAN: Final = 0.75
 """Slope of a rock relative to that of the ground."""
-
 BED: Final = 0.03
 """Least depth of a rock's rim in the ground [m], per square root of its radius [m]."""
 

@@ -103,15 +103,8 @@ def path_length(path: Array) -> float:
 
 TILE: Final = 0.5
 """Size [m] of one repeat of a furniture texture, along u and v."""
-
 CREASE_DEG: Final = 40.0
 """Angle [deg] up to which adjacent sides share normals, so that the surface looks round; above it, edges are sharp."""
-
-
-def check_variant(kind: str, variant: int, count: int) -> None:
-    """Raise ValueError unless ``variant`` is one of ``count``."""
-    if not 0 <= variant < count:
-        raise ValueError(f"{kind} variant must be between 0 and {count - 1}, got {variant}")
 
 
 def make_part(material: str, vertices: ArrayLike, normals: ArrayLike, uv: ArrayLike, faces: ArrayLike) -> Mesh:

@@ -66,7 +66,7 @@ from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
 from fieldtruth.world.model import ROBOT_ID, Material, Raster, Terrain, World
-from fieldtruth.world.seasons.snow import hidden_share
+from fieldtruth.world.seasons.change import hidden_share
 
 
 def column_times_ns(config: LidarConfig) -> NDArray[np.int64]:

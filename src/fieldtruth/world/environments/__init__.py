@@ -26,10 +26,6 @@ class Environment(NamedTuple):
     package: str
 
 
-def _builtin(name: str, description: str) -> tuple[str, Environment]:
-    return name, Environment(description, f"{__name__}.{name}")
-
-
 def _read(name: str, given: Any) -> Environment:
     """Describe a package, or a folder that is one, by the first line of its docstring."""
     if isinstance(given, Environment):
@@ -55,16 +51,15 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
     "environments",
     "",
     _read,
-    dict(
-        [
-            _builtin(
-                "forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"
-            ),
-            _builtin("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
-            _builtin("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-            _builtin("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
-        ]
-    ),
+    {
+        name: Environment(description, f"{__name__}.{name}")
+        for name, description in (
+            ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
+            ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
+            ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
+            ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
+        )
+    },
 )
 
 

@@ -33,7 +33,6 @@ from fieldtruth.world.plants.species import Order, Species
 
 Move = Callable[[Array, Array], tuple[Array, Array]]
 """Moves points (m, 3) [m] and turns unit normals (m, 3)."""
-
 BARK_THICKNESS = 0.015  # [m]
 BARE, MOSS, SOIL, TORN = "bark_dead", "bark_moss", "bark_soil", "bark_torn"
 
@@ -413,7 +412,6 @@ def _boxes(stem: Stems, height: Array, plate: float) -> tuple[Collider, ...]:
 
 FLAT: Final = np.array([1.0, 1.0, 0.3])
 """Shape of branches that lie, relative to those that grow."""
-
 _BRANCH = Order(number=1, length=1, angle=(0, 0), lift=(0.05, -0.15), wander=0.7, bend=0.4, segments=4)
 _TWIG = Order(number=1, length=1, angle=(0, 0), lift=(-0.1, -0.3), wander=0.5, bend=0.3, segments=2)
 

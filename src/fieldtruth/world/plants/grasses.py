@@ -32,10 +32,8 @@ from fieldtruth.world.plants.species import Blades, Flower, Frond, GrassSpecies,
 
 STEPS: Final = 24
 """Segments of a midrib."""
-
 UPWARD_BLEND: Final = 0.6
 """Weight of "up" in a blade's shading normal."""
-
 _UP: Final = np.array([0.0, 0.0, 1.0])
 _LEVELS: Final = np.array([0.3, 0.62, 0.86])  # of a blade's pairs of vertices, relative to the length
 _WIDTHS: Final = np.array([1.0, 0.86, 0.5])  # at these levels, relative to the widest
@@ -228,13 +226,10 @@ def spindles(low: Array, high: Array, radius: Array) -> Surface:
 
 ROOT_DEPTH = 0.12
 """Depth [m] of the roots in the middle of a tuft."""
-
 ROOT_SLOPE = 0.6
 """Slope of the ground up to which the rim of a tuft still reaches into it."""
-
 SIMPLE_BELOW = 0.6
 """Detail below which every blade is a kite."""
-
 MIN_HEIGHT = 0.006
 """Least height [m] of blades above the soil."""
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.model import Collider, Mesh, make_mesh
-from fieldtruth.world.plants.species import Habit, Order, outline_ratio
+from fieldtruth.world.plants.species import OUTLINES, Habit, Order
 
 TIP_RADIUS: Final = 0.0015  # [m]
 ROOT_DEPTH: Final = 0.2  # [m] of stems in the soil
@@ -130,7 +130,7 @@ def _sprout(
     direction = _directions(tangent, parent, rank, depth, order, rng)
 
     if number == 1:
-        length = order.length * height * outline_ratio(habit.outline, 1 - depth)
+        length = order.length * height * OUTLINES[habit.outline](1 - depth)
         azimuth = np.arctan2(direction[:, 1], direction[:, 0]) - light
         length *= np.maximum(1 + habit.lopsided * (np.cos(azimuth) + 0.5 * np.cos(3 * azimuth + light)), 0.35)
     else:

@@ -26,8 +26,7 @@ from fieldtruth.world.library import Entry, Library, validated
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 GrownIn = Literal["open", "stand", "exposed"]
 """Surroundings of a growing tree: in the open, in a forest stand, or on a windy, stony slope."""
-
-_OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
+OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
     "spherical": lambda r: 0.2 + 0.8 * np.sin(np.pi * r),
     "hemispherical": lambda r: 0.2 + 0.8 * np.sin(0.5 * np.pi * r),
@@ -36,15 +35,11 @@ _OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "spire": lambda r: 0.06 + 0.94 * r**0.8,
     "flat": lambda r: 0.35 + 0.65 * np.sin(np.pi * np.minimum(0.2 + 0.9 * r, 1.0)),
 }
+"""Length of a limb relative to the longest, at a share of the crown's depth: 1 at its base, 0 at its top.
 
-
-def outline_ratio(outline: Outline, ratio: Array) -> Array:
-    """Length of a limb relative to the longest, at ``ratio`` of the crown's depth: 1 at its base, 0 at its top.
-
-    Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"). "domed" (tall round crowns), "spire"
-    (spruce) and "flat" (old pine) are our additions.
-    """
-    return _OUTLINES[outline](ratio)
+Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"). "domed" (tall round crowns), "spire" (spruce)
+and "flat" (old pine) are our additions.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -415,9 +410,7 @@ def _grass_materials(species: GrassSpecies) -> list[str | None]:
 
 TREES: Final = Library("trees", _species, _materials)
 """Trees by name."""
-
 BUSHES: Final = Library("bushes", _species, _materials)
 """Bushes by name."""
-
 GRASSES: Final = Library("grasses", _grass, _grass_materials)
 """Grasses and herbs by name, class high grass."""

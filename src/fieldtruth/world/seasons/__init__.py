@@ -25,7 +25,6 @@ Part = tuple[Annotated[float, Field(gt=0)], Share, Share, Share]
 SUMMER: Final = "summer"
 LUSH, DRY = "lush", "dry"
 """Columns of the table that are no seasons: the colours that ``drought`` mixes in."""
-
 USUAL: Final = 0.5
 """``drought`` of a world whose colours it does not change."""
 

@@ -29,32 +29,26 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh
+from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.seasons import Change, changes, tinted
 
 PER_LEAF: Final = 0.6
 """Twigs per leaf of a mesh; leaves of meshes with less detail stand for several."""
-
 MOST_TWIGS: Final = 20_000
 """Twigs of a mesh."""
-
 COLOUR: Final = (0.105, 0.076, 0.058)
 """Albedo of young bark, which is brown and smooth in all species; even that of birches."""
-
 LONGEST: Final = 1.1
 """[m]"""
-
 SLIM: Final = 0.006
 """Radius of a twig at its base relative to its length."""
-
 THINNEST: Final = 0.022
 """Radius that is added, relative to a leaf, and at most ``THIN``."""
-
 THIN: Final = 0.0024  # [m]
 REACH: Final = (0.6, 1.8)
 """Least and greatest length of a twig that starts beside its leaf, relative to the leaf."""
-
 Surface = tuple[Float32Array, Float32Array, Float32Array, NDArray[np.int32]]
 
 
@@ -116,7 +110,6 @@ def _needles(foot: Array, tip: Array, thinnest: float) -> Surface:
 
 PATCHY: Final = 0.6
 """Weight with which neighbouring leaves fall and turn together, against 1 for each leaf on its own."""
-
 MOST_SWAPS: Final = 3  # waves of the noise
 
 
@@ -270,21 +263,16 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
 
 NAME: Final = "fallen_leaves"
 """Material of the ground where leaves lie close, kind of the swarm; ``kept`` of it scales the number of leaves."""
-
 FALL: Final = "autumn"
 """Season in which leaves fall."""
-
 MOST_LEAVES: Final = 22.0
 """Leaves per square metre below a closed canopy that has lost all."""
-
 CELL: Final = 0.5  # [m]
 TILE: Final = 12.5  # [m] along the side of one mesh
 BROWN: Final = (0.12, 0.08, 0.046)
 """Albedo that the colour of fallen leaves turns to."""
-
 ROT: Final = 0.2
 """Share of brown in a leaf that fell this season; later leaves are nearly all brown."""
-
 OLD: Final = 0.8
 _CORNERS: Final = np.array([[-0.5, 0.0], [0.0, 0.5], [0.5, 0.0], [0.0, -0.5]])  # along, across: stalk, left, tip, right
 _UV: Final = np.array([[0.5, 0.03], [0.04, 0.45], [0.5, 0.97], [0.96, 0.45]], np.float32)
@@ -378,14 +366,8 @@ def lay_leaves(
     for number, key in enumerate(np.unique(tile, axis=0)):
         own = (tile == key).all(axis=1)
         meshes.append(_mesh(f"{NAME}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
-    n = len(meshes)
-    poses, tint = np.tile(np.eye(4), (n, 1, 1)), np.ones((n, 3), np.float32)
-    names = tuple(mesh.name for mesh in meshes)
-    swarm = Swarm(
-        name=NAME, kind=NAME, object_id=0, meshes=names, mesh=np.arange(n, dtype=np.int32), world_from_object=poses,
-        tint=tint,
-    )  # fmt: skip
-    return swarm, meshes, materials
+    poses = np.tile(np.eye(4), (len(meshes), 1, 1))
+    return make_swarm(NAME, NAME, meshes, poses, None), meshes, materials
 
 
 def _positions(world: World, density: Raster, most: float, rng: np.random.Generator) -> Array:

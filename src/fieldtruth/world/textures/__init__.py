@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
-from fieldtruth.world.textures import ground, plants, rocks  # noqa: F401  (register drawings)
+from fieldtruth.world.textures import ground, surfaces  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
 
 

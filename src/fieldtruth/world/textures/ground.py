@@ -100,13 +100,7 @@ TWIGS: Final = [(64, 58, 52), (100, 92, 84), (134, 127, 117)]
 
 @drawing
 def blades_over_soil(
-    rng: Rng,
-    *,
-    blades: int,
-    straw: float,
-    clover: int,
-    greens: Tones,
-    earth: Tones = ((52, 46, 38), (94, 84, 70)),
+    rng: Rng, *, blades: int, straw: float, clover: int, greens: Tones, earth: Tones = ((52, 46, 38), (94, 84, 70))
 ) -> Image:
     """Mown blades of grass over soil: a share ``straw`` of them is dead, ``clover`` leaves grow among them.
 
@@ -299,9 +293,8 @@ def moss(rng: Rng) -> Image:
     shoots = 52_000
     cushion = noise(rng, N, 5, 40, slope=1.1)
     grown = strokes(rng, N, shoots, (3.0, 8.0), 2.4, 0.7)
-    row, column = (np.floor(at).astype(np.intp) % N for at in (grown.y, grown.x))
     bed = np.clip(0.42 + 0.17 * cushion, 0, 0.75)
-    grown = grown._replace(height=bed[row, column] + np.float32(0.25) * grown.height)
+    grown = grown._replace(height=bed[_texel(grown.y), _texel(grown.x)] + np.float32(0.25) * grown.height)
     dead = at_heights(strokes(rng, N, 1_800, (8.0, 22.0), 1.6, 0.1), 0.5, 0.95)
     green = [(54, 60, 36), (82, 90, 52), (106, 114, 68), (132, 138, 92)]
     ground = np.broadcast_to(linear((52, 54, 38)), (N, N, 3)).copy()
@@ -330,8 +323,7 @@ def rough_grass(rng: Rng) -> Image:
     patches = noise(rng, N, 3, 24, slope=0.8)
     blades = strokes(rng, N, count, (14.0, 62.0), 2.6, 0.8)
     clumps = (0.85 + 0.25 * noise(rng, N, 10, 50, slope=0.5)).clip(0.35, 1.15)
-    row, column = (np.floor(at).astype(np.intp) % N for at in (blades.y, blades.x))
-    blades = blades._replace(height=blades.height * clumps[row, column])
+    blades = blades._replace(height=blades.height * clumps[_texel(blades.y), _texel(blades.x)])
     straw = at_heights(strokes(rng, N, dead, (16.0, 70.0), 2.0, 0.5), 0.1, 0.75)
     thatch = at_heights(strokes(rng, N, 9_000, (6.0, 24.0), 1.7, 0.6), 0.03, 0.2)
     stalks = at_heights(strokes(rng, N, 260, (40.0, 110.0), 2.2, 0.25), 0.4, 1.0)
@@ -369,21 +361,12 @@ def pebbles(rng: Rng) -> Image:
 
 
 @drawing
-def murky_water(rng: Rng) -> Image:
-    """Light that a lake scatters back from below its surface: murky green and brown, slowly varying."""
-    n = 128
-    cloud = 0.5 + 0.12 * noise(rng, n, 2, 12, slope=0.8)
-    return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
-
-
-@drawing
 def dry_turf(rng: Rng) -> Image:
     """Turf of a dry mountain in summer: tufts of bleached blades, lying straw, soil and pebbles between them."""
     tufts = noise(rng, N, 6, 30, slope=0.6)
     blades = strokes(rng, N, 17_000, (10.0, 36.0), 2.0, 0.6)
     grown = np.clip(0.62 + 0.3 * tufts, 0.12, 1.1)
-    row, column = (np.floor(at).astype(np.intp) % N for at in (blades.y, blades.x))
-    blades = blades._replace(height=blades.height * grown[row, column])
+    blades = blades._replace(height=blades.height * grown[_texel(blades.y), _texel(blades.x)])
     lying = at_heights(strokes(rng, N, 5_000, (12.0, 50.0), 1.6, 0.4), 0.14, 0.3)
     green = at_heights(strokes(rng, N, 1_500, (6.0, 20.0), 1.8, 0.5), 0.0, 0.7)
     grit = strewn_stones(rng, 9_000, (0.9, 3.0), power=SIEVE, rise=(0.16, 0.3))

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Boolean, Positive
-from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals, Share, Trails
+from fieldtruth.world.environments.layout import PLANTINGS, Count, Density, GroundConfig, Individuals, Share, Trails
 from fieldtruth.world.plants import TREES
 
 
@@ -60,25 +60,5 @@ class Config(GroundConfig):
         return species
 
 
-CORRIDORS: Final = (
-    (  # forest_1
-        (-40.799994871309536, -9.399971349678287), (-33.400050281559686, -11.299966070760027),
-        (-26.49996913949982, -8.500019529243977), (-20.09996495753589, -4.299972646949721),
-        (-12.500037231702475, -4.499981727535693), (-4.8999983534477405, -4.499975372419284),
-        (1.699995608818805, -0.7999866579632868), (7.800026906648865, 4.000000599668449),
-        (14.700005480859637, 6.99999207444839), (22.099945016718095, 5.20000133079409),
-        (29.599990231020797, 4.1999979844314925), (36.599962351732735, 7.199976915969484),
-    ),
-    (  # forest_2
-        (-18.8000191166224, 19.700006931790053), (-13.700050709522538, 13.899978589152084),
-        (-9.79999561566569, 7.199967151753882), (-8.69996404843516, -0.49996568582892253),
-        (-6.400003870550522, -7.699999919318575), (-0.2999652997108985, -12.399977417130266),
-        (7.099980816935259, -14.30002555782613), (14.500028361495072, -12.20000100893408),
-        (21.799972385308372, -10.099982423523201), (28.00000597357193, -14.599990492326711),
-        (31.899985576955373, -21.30000120198119),
-    ),
-)  # fmt: skip
-"""Corners x, y [m] of the corridors' centre lines, joined by straight segments; the built-in experiments drive there.
-
-Every layout keeps them free of obstacles. Changing a number changes every world of this environment.
-"""
+CORRIDORS: Final = PLANTINGS["forest"].corridors
+"""Corners x, y [m] of the lines that stay free of obstacles in every layout."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves, needles, blades, fronds and flowers, without outline, as the mesh gives it; barks; woods as seen from afar.
+"""Leaves, blades and flowers, without outline, as the mesh gives it; barks; distant woods; rocks; man-made materials.
 
 A leaf's image is its upper side: u = 0.5 is the midrib, v runs from the stalk (0) to the tip (1). In a blade's image v
 runs from the root (0) to the tip (1), and blades of all tones lie side by side along u, which tiles, so that each blade
@@ -8,9 +8,15 @@ takes its own band. In a frond's image u runs along the frond and v across it, f
 
 On barks and dead wood u runs around the trunk and v along it; a tile is about 0.6 m, a pixel 0.8 to 1.6 mm. Light that
 furrows lose is part of the image (see `hollows`); what grows on bark is added where it is shaded (see
-`kernels.textures`). A tile of distant woods is 24 m, a pixel 4.7 cm: crowns side by side.
-``tones`` are colours (k, 3) from dark to light, sRGB 0 to 255.
+`kernels.textures`). A tile of distant woods is 24 m, a pixel 4.7 cm: crowns side by side. Rocks, weathered and with
+lichen, have tiles of 1.2 m, planks (grain along u), painted iron, galvanised steel, concrete and glass of 0.5 m.
+
+``tones`` are colours (k, 3) from dark to light, ``stain`` that of rust or soil, sRGB 0 to 255; ``lichen`` lists crusts
+by the keywords of `_lichen`.
 """
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +26,7 @@ from fieldtruth.world.textures.canvas import (
     Rng,
     Tone,
     Tones,
+    blur,
     cells,
     crevices,
     drawing,
@@ -37,7 +44,7 @@ from fieldtruth.world.textures.canvas import (
 LEAF = 256
 BLADE = 128
 N = 512
-"""Pixels along each side of barks and distant woods."""
+"""Pixels along each side of barks, distant woods, rocks and man-made materials."""
 
 
 def _grid(n: int) -> tuple[Image, Image]:
@@ -129,9 +136,16 @@ def grass_blades(rng: Rng, *, tones: Tones, foot: Tone, tip: Tone, spots: float 
 @drawing
 def husks(rng: Rng, *, tones: Tones) -> Image:
     """Spikelets and plumes: fine hairs along v, dark gaps between the husks."""
-    hair = noise(rng, BLADE, 8, 60, slope=0.3, stretch=30.0)
-    husk = noise(rng, BLADE, 5, 30, slope=0.6, stretch=2.0)
-    return np.asarray(mix(tones, 0.5 + 0.14 * hair + 0.14 * husk), np.float32)
+    return mottled(rng, tones=tones, waves=[(0.14, 8, 60, 0.3, 30.0), (0.14, 5, 30, 0.6, 2.0)])
+
+
+@drawing
+def mottled(rng: Rng, *, tones: Tones, waves: Sequence[Sequence[float]], middle: float = 0.5) -> Image:
+    """Tones about the ``middle`` one, varied by noise: ``waves`` are amplitude, and low, high, slope and stretch."""
+    tone: Image | float = middle
+    for amplitude, low, high, slope, stretch in waves:
+        tone = tone + amplitude * noise(rng, BLADE, low, high, slope=slope, stretch=stretch)
+    return mix(tones, np.asarray(tone, np.float32))
 
 
 @drawing
@@ -168,12 +182,6 @@ def umbel(rng: Rng, *, floret: Tone, gap: Tone) -> Image:
     bunch = noise(rng, BLADE, 8, 24, slope=0.2)
     share = np.clip(0.75 + 0.6 * bunch, 0, 1)[..., None]
     return np.asarray(linear(floret) * share + linear(gap) * (1 - share), np.float32)
-
-
-@drawing
-def velvet(rng: Rng, *, tones: Tones) -> Image:
-    """Dense fine hairs, as on a cattail's spike; tiles."""
-    return np.asarray(mix(tones, 0.5 + 0.12 * noise(rng, BLADE, 2, 60, slope=0.5)), np.float32)
 
 
 @drawing
@@ -366,3 +374,175 @@ def far_canopy(rng: Rng, *, tones: Tones) -> Image:
     colour = colour * (1 - gap) + linear((22, 24, 16)) * gap
     light = hollows(height, 30.0, (2.0, 6.0, 16.0)) * (0.45 + 0.65 * dome)
     return even_out(np.asarray(colour * light[..., None], np.float32))
+
+
+Crusts = Sequence[Mapping[str, Any]]
+
+
+def _cracks(rng: Rng, across: int, *, width: float, share: float) -> Image:
+    """Lines (n, n) between cells, 1 in a crack; about ``share`` of them are open."""
+    bend = [0.16 * noise(rng, N, 3, 40, slope=1.2) for _ in range(2)]
+    net = cells(rng, N, across, across, jitter=0.95, shift=bend)
+    open_here = np.clip((noise(rng, N, 2, 12, slope=0.8) + 2.2 * (share - 0.5)) * 1.5, 0, 1)
+    line = np.clip(1 - (net.second - net.nearest) / width, 0, 1)
+    return np.asarray(line * open_here, np.float32)
+
+
+def _joints(rng: Rng, count: float) -> Image:
+    """Long cracks of two families at right angles (n, n), 1 in a joint, ``count`` per tile; some are closed."""
+    lines = np.zeros((N, N), np.float32)
+    for turned in (False, True):
+        family = ridges(rng, N, count, stretch=1.5, spread=0.8)
+        shut = np.clip(0.6 + 0.8 * noise(rng, N, 2, 12, slope=0.8), 0, 1)
+        ragged = 0.002 * noise(rng, N, 30, 250, slope=0.5)
+        line = np.clip(1 - (family + ragged) / 0.005, 0, 1) * shut
+        lines = np.maximum(lines, line.T if turned else line)
+    return lines
+
+
+def _strata(rng: Rng, colour: Image, strength: float) -> Image:
+    """The colour with beds along u, and runs of water stains across them."""
+    bed = noise(rng, N, 4, 70, slope=0.9, stretch=0.12)
+    run = np.clip(noise(rng, N, 3, 50, slope=1.0, stretch=6.0) - 0.6, 0, 1.5)
+    return np.asarray(colour * (1 + strength * bed - 0.16 * run)[..., None], np.float32)
+
+
+def _lichen(rng: Rng, colour: Image, shade: Tone, *, patches: float, share: float) -> Image:
+    """Cover about ``share`` of the image with crusts of one colour, ``patches`` per tile, with ragged rims."""
+    field = noise(rng, N, patches / 3, patches * 2, slope=0.6) + 0.55 * noise(rng, N, patches * 2, 160, slope=0.9)
+    level = np.float32(np.quantile(field, 1 - share))
+    crust = np.clip((field - level) * 3.0, 0, 1)[..., None] * np.float32(0.8)
+    grain = (1 + 0.12 * noise(rng, N, 60, 256, slope=0.2))[..., None]
+    return np.asarray(colour * (1 - crust) + linear(shade) * grain * crust, np.float32)
+
+
+def _overgrown(rng: Rng, colour: Image, lichen: Crusts) -> Image:
+    for crust in lichen:
+        colour = _lichen(rng, colour, **crust)
+    return colour
+
+
+@drawing
+def pitted_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+    """Limestone of dry mountains: pitted by rain, cracked, stained."""
+    swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 30, 256, slope=0.7)
+    pits = np.clip(noise(rng, N, 25, 120, slope=0.4) - 1.0, 0, 1.5)
+    cracks = _joints(rng, 2.5) + 0.6 * _cracks(rng, 14, width=0.1, share=0.35)
+    height = 0.35 * swell + 0.16 * grain - 0.7 * pits - 1.4 * cracks
+    colour = _strata(rng, mix(tones, 0.5 + 0.16 * swell + 0.1 * grain), 0.09)
+    ochre = np.clip(0.45 * noise(rng, N, 3, 30, slope=1.0) - 0.25, 0, 0.6)[..., None]
+    colour = colour * (1 - ochre) + linear(stain) * ochre
+    colour = _overgrown(rng, colour, lichen)
+    light = crevices(height, 3.0, 0.4) * (1 - np.float32(0.5) * np.clip(cracks, 0, 1))
+    return even_out(np.asarray(colour * light[..., None], np.float32))
+
+
+@drawing
+def granular_rock(rng: Rng, *, tones: Tones, shares: Sequence[float], stain: Tone, lichen: Crusts) -> Image:
+    """Granite: mineral grains, each tone with its share, cracked, stained by rust."""
+    mineral = cells(rng, N, 190, 190)
+    kind = rng.choice(len(tones), 190 * 190, p=shares)[mineral.owner]
+    swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 40, 256, slope=0.5)
+    cracks = _joints(rng, 2.0) + 0.5 * _cracks(rng, 9, width=0.05, share=0.3)
+    pits = np.clip(noise(rng, N, 30, 140, slope=0.4) - 1.2, 0, 1.2)
+    rust = np.clip(0.4 * noise(rng, N, 3, 24, slope=1.0) - 0.1, 0, 0.55)[..., None]
+    colour = linear(tones)[kind] * (1 + 0.10 * swell + 0.06 * grain)[..., None]
+    colour = _strata(rng, colour * (1 - rust) + linear(stain) * (1 + 0.08 * grain)[..., None] * rust, 0.07)
+    colour = _overgrown(rng, colour, lichen)
+    light = crevices(0.3 * swell + 0.15 * grain - 1.5 * cracks - 0.8 * pits, 3.0, 0.5) * (
+        1 - 0.6 * np.clip(cracks, 0, 1)
+    )
+    return even_out(np.asarray(colour * light[..., None], np.float32))
+
+
+@drawing
+def smooth_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+    """Field stones: worn smooth, with soil in the hollows."""
+    swell, grain = noise(rng, N, 3, 50, slope=1.0), noise(rng, N, 40, 256, slope=0.4)
+    colour = mix(tones, 0.5 + 0.17 * swell + 0.09 * grain)
+    pits = np.clip(noise(rng, N, 25, 120, slope=0.4) - 1.1, 0, 1.2)
+    cracks = 0.7 * _joints(rng, 1.5) + 0.5 * _cracks(rng, 8, width=0.05, share=0.3)
+    earth = np.clip(0.5 * noise(rng, N, 4, 60, slope=0.8) - 0.35, 0, 0.7)[..., None]
+    colour = _strata(rng, colour * (1 - earth) + linear(stain) * earth, 0.06)
+    colour = _overgrown(rng, colour, lichen)
+    light = crevices(0.4 * swell + 0.25 * grain - pits - cracks, 2.5, 0.45) * (1 - 0.5 * np.clip(cracks, 0, 1))
+    return even_out(np.asarray(colour * light[..., None], np.float32))
+
+
+@drawing
+def layered_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+    """Schist: fine parallel layers along u, stained by rust."""
+    layers = noise(rng, N, 12, 200, slope=0.5, stretch=0.03)
+    swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 50, 256, slope=0.3)
+    colour = mix(tones, 0.5 + 0.13 * layers + 0.09 * swell)
+    rust = np.clip(0.45 * noise(rng, N, 3, 40, slope=0.9, stretch=0.3) - 0.15, 0, 0.6)[..., None]
+    colour = colour * (1 - rust) + linear(stain) * rust
+    colour *= (1 + 0.1 * grain)[..., None]
+    colour = _overgrown(rng, colour, lichen)
+    light = crevices(blur(0.7 * layers, 0.6) + 0.2 * swell, 2.5, 0.5) * (1 - 0.6 * _joints(rng, 2.5))
+    return even_out(np.asarray(colour * light[..., None], np.float32))
+
+
+@drawing
+def planks(rng: Rng, *, tones: Tones, cracks: float) -> Image:
+    """Planks with growth rings bent around two knots, fibres, and ``cracks`` (0 to 1) along the grain."""
+    grid = (np.arange(N, dtype=np.float32) + 0.5) / N
+    bend = 0.55 * noise(rng, N, 1, 12, slope=1.6, stretch=0.02)
+    knot = np.zeros((N, N), np.float32)
+    for _ in range(2):
+        at_u, at_v = rng.random(2)
+        du, dv = (grid - at_u + 0.5) % 1 - 0.5, ((grid - at_v + 0.5) % 1 - 0.5)[:, None]
+        knot += np.exp(-((du / 0.05) ** 2 + (dv / 0.018) ** 2))
+    rings = (22 * grid[:, None] + bend + 1.6 * knot) % 1
+    late = rings**3 * (1 - np.clip((rings - 0.93) / 0.07, 0, 1))
+    fibre = noise(rng, N, 20, 256, slope=0.3, stretch=0.008)
+    board = noise(rng, N, 2, 10, stretch=0.05)
+    colour = mix(tones, 0.62 - 0.38 * late + 0.11 * fibre + 0.07 * board - 0.5 * np.clip(knot - 0.45, 0, 1))
+    split = np.clip(noise(rng, N, 12, 200, slope=0.2, stretch=0.004) - 2.0, 0, 0.8) * cracks
+    return even_out(colour * (1 - split)[..., None])
+
+
+@drawing
+def weathered_pole(rng: Rng) -> Image:
+    """An impregnated and weathered trunk: brown grey, split along the grain."""
+    fibre = noise(rng, N, 12, 256, slope=0.3, stretch=0.006)
+    bleached = noise(rng, N, 4, 40, slope=0.8, stretch=0.05)
+    colour = mix([(84, 70, 54), (116, 100, 80), (138, 124, 104), (152, 141, 124)], 0.5 + 0.13 * fibre + 0.12 * bleached)
+    split = np.clip(1.6 * noise(rng, N, 8, 120, slope=0.5, stretch=0.003) - 2.9, 0, 0.85)
+    return even_out(colour * (1 - split)[..., None])
+
+
+@drawing
+def painted_iron(rng: Rng) -> Image:
+    """Cast iron under dark green paint, with rust where it is chipped."""
+    coat = mix(
+        [(34, 48, 42), (42, 58, 50), (50, 66, 58)],
+        0.5 + 0.1 * noise(rng, N, 8, 120) + 0.07 * noise(rng, N, 60, 256, slope=0),
+    )
+    chips = noise(rng, N, 10, 200, slope=0.9)
+    rust = mix([(92, 54, 34), (128, 80, 50)], 0.5 + 0.3 * noise(rng, N, 30, 250, slope=0.3))
+    edge = np.clip((chips - 2.3) / 0.25, 0, 1)[..., None]
+    dust = 0.05 * np.clip(1 + 0.6 * noise(rng, N, 4, 250, slope=0.4), 0, 3)[..., None]
+    coat = coat * (1 - dust) + linear((120, 116, 104)) * dust
+    return even_out(coat * (1 - edge) + rust * edge)
+
+
+@drawing
+def galvanised_steel(rng: Rng) -> Image:
+    """Hot-dip galvanised steel: spangles of zinc in different greys, dulled by weather."""
+    n = 256
+    bend = [0.2 * noise(rng, n, 4, 60) for _ in range(2)]
+    spangle = cells(rng, n, 26, 26, jitter=1.0, shift=bend)
+    tone = rng.random(26 * 26).astype(np.float32)[spangle.owner]
+    dull = 0.5 + 0.35 * (tone - 0.5) + 0.07 * noise(rng, n, 3, 40) + 0.05 * noise(rng, n, 40, 128, slope=0)
+    return even_out(mix([(140, 144, 148), (170, 173, 176), (196, 198, 200)], dull))
+
+
+@drawing
+def concrete(rng: Rng) -> Image:
+    """Cast concrete: fine sand, pores, weather stains."""
+    tone = 0.5 + 0.08 * noise(rng, N, 4, 60) + 0.07 * noise(rng, N, 80, 256, slope=0) + 0.06 * noise(rng, N, 20, 200)
+    colour = mix([(132, 128, 120), (160, 156, 147), (184, 180, 170)], tone)
+    size = rng.gamma(1.2, 0.6, 700).clip(0.6, 3)
+    pores = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, 700), lambda a, b, _: 1 - a**2 - b**2, 1.0)])
+    return even_out(np.where((pores.owner >= 0)[..., None], colour * np.float32(0.62), colour))
