@@ -12,7 +12,7 @@ from changed_bags import failures, in_latched_form
 from record_fakes import FakeEngine, make_experiment, make_world
 from rosbags.rosbag1 import Reader
 
-from fieldtruth.annotation.check import check_objects
+from fieldtruth.annotation import check_objects
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import ModelStatesReader, read_objects, read_trajectory
