@@ -428,9 +428,9 @@ class Runs:
 def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **options: Unpack[Options]) -> Runs:
     """Open every run in a folder and its subfolders, sorted by name.
 
-    Bags are files of ROS 1, MCAP files, and those of ROS 2: .db3, or folders with metadata.yaml. A run's name is its path
-    in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's name, its other bags are
-    copies (annotated, say) and are skipped. So are names that begin with a dot.
+    Bags are files of ROS 1, MCAP files, and those of ROS 2: .db3, or folders with metadata.yaml. A run's name is its
+    path in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's name, its other bags
+    are copies (annotated, say) and are skipped. So are names that begin with a dot.
 
     Args:
         folder: the folder of runs.
