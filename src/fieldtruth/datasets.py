@@ -17,11 +17,9 @@ from typing import Any, Final, Literal, NamedTuple, SupportsIndex, TypedDict, Un
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.bag_file import BAG_ENDINGS, find_bag
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BAG_ENDINGS, BagError, find_bag, is_database
 from fieldtruth.bag.geometry import Lens, Poses
 from fieldtruth.bag.readings import Readings, nearest, reflectivity
-from fieldtruth.bag.ros2 import is_database
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts

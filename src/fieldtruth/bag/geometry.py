@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BagError, BagFile
 from fieldtruth.bag.reader import Decoder, RawMessage, Storage, decoder, open_bag
 from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic

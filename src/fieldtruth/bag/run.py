@@ -16,14 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bag_file import CARD as CARD
-from fieldtruth.bag.bag_file import EXPERIMENT as EXPERIMENT
-from fieldtruth.bag.bag_file import MADE_BY as MADE_BY
-from fieldtruth.bag.bag_file import TRACK as TRACK
-from fieldtruth.bag.bag_file import BagFile, experiment_of
-from fieldtruth.bag.bag_file import find_bag as find_bag
 from fieldtruth.bag.decode import points, stamp_ns
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BagError, BagFile, experiment_of, find_bag
 from fieldtruth.bag.geometry import (
     Calibration,
     Poses,

@@ -16,10 +16,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import MCAP, BagError, first_bytes
+from fieldtruth.bag.file import MCAP, BagError, first_bytes, is_database
 from fieldtruth.bag.geometry import StaticFrames, Trajectory, read_poses, seconds
 from fieldtruth.bag.messages import rig_transforms
-from fieldtruth.bag.ros2 import is_database
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
