@@ -19,6 +19,7 @@ import yaml
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
@@ -98,10 +99,6 @@ class Table(NamedTuple):
     splits: Mapping[str, Written]
 
 
-def _text(name: str) -> str:
-    return resources.files("fieldtruth.exporters").joinpath(name).read_text(encoding="utf-8")
-
-
 def title_of(members: Sequence[Member]) -> str:
     """Name of the data set: its runs, or if there are many the environments."""
     names = [member.name for member in members]
@@ -137,7 +134,8 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
     """
     content, units = content_of(members)
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    body = Template(_text("huggingface.md")).substitute(
+    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
+    body = Template(text).substitute(
         title=title_of(members),
         content=content,
         units=" and every\n".join(units),
@@ -237,7 +235,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 
     Licence and responsible-AI properties are known only if fieldtruth generated all runs.
     """
-    fixed = yaml.safe_load(_text("croissant.yaml"))
+    fixed = package_data("fieldtruth.exporters", "croissant.yaml")
     distribution: list[dict[str, Any]] = []
     for table in tables:
         paths = [path for written in table.splits.values() for path in written.files]

@@ -14,7 +14,6 @@ these sensors.
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -28,7 +27,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import parse_mapping, write_mapping
+from fieldtruth.core.yaml_io import package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views
@@ -295,8 +294,6 @@ def fast_lio2(facts: Facts) -> Files | str:
 
 def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
     """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
-    name = f"{template}.yaml"
-    text = resources.files("fieldtruth.exporters").joinpath("slam", name).read_text(encoding="utf-8")
 
     def fill(node: Any) -> Any:
         if isinstance(node, dict):
@@ -306,7 +303,7 @@ def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
         found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
         return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
 
-    filled: dict[str, Any] = fill(parse_mapping(text, name))
+    filled: dict[str, Any] = fill(package_data("fieldtruth.exporters", f"slam/{template}.yaml"))
     return filled
 
 
@@ -446,20 +443,7 @@ PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "OpenVINS": open_vins,
     "ORB-SLAM3": orb_slam3,
 }
-
-_README: Final = """\
-Configuration files of SLAM programs for {run}
-
-{sensors}
-{files}"""
-_REPUBLISH: Final = """\
-
-OpenVINS and ORB-SLAM3 read raw images; the photographs in the bag are JPEG:
-{lines}"""
-_ORB_TOPICS: Final = """\
-ORB-SLAM3 has names of its own for topics. Beside these, start it with:
-  {remaps}
-"""
+_TEXTS: Final = package_data("fieldtruth.exporters", "slam_configs.yaml")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -515,7 +499,7 @@ def _readme(run: Run, facts: Facts, made: Mapping[str, Files | str], left_out: s
     sensors = "".join(f"{what}: {value}\n" for what, value in used.items() if value)
     files = "".join(f"{name}: {', '.join(each)}\n" for name, each in made.items() if not isinstance(each, str))
     files += (f"left out: {left_out}\n" if left_out else "") + truths
-    text = _README.format(run=run.name, sensors=sensors, files=files)
+    text: str = _TEXTS["readme"].format(run=run.name, sensors=sensors, files=files)
     return text + (_images(facts) if facts.views else "")
 
 
@@ -526,4 +510,4 @@ def _images(facts: Facts) -> str:
     names = ("/camera/left/image_raw", "/camera/right/image_raw") if len(topics) == 2 else ("/camera/image_raw",)
     remaps = [f"{name}:={topic}" for name, topic in zip(names, topics, strict=True)]
     remaps += [f"/imu:={facts.imu.topic}"] if facts.imu else []
-    return _REPUBLISH.format(lines=lines) + _ORB_TOPICS.format(remaps=" ".join(remaps))
+    return f"{_TEXTS['republish']}{_TEXTS['orb_topics']}".format(lines=lines, remaps=" ".join(remaps))
