@@ -279,7 +279,7 @@ class RunDataset:
         """Calibration by key of the sample, as far as items need it."""
         if not any(item in GEOMETRY for item in self.items):
             return {}
-        static = self.run.static
+        static = self.run.calibration.static
         fixed: dict[str, Any] = {f"base_from_{s}": static.base_from(each.frame()) for s, each in self._readings.items()}
         if "calibration" in self.items and "camera" in self._readings:
             source = self._readings["camera"].source

@@ -162,11 +162,6 @@ class RecordedPoses(NamedTuple):
     """Frame whose poses they are, as odometry states it; empty where nothing does."""
 
 
-def read_trajectory(run: BagFile, topic: str | None = None) -> Trajectory:
-    """Read the true poses of base_link; arguments and errors are those of ``read_poses``."""
-    return read_poses(run, topic).trajectory
-
-
 def read_poses(
     run: BagFile,
     topic: str | None = None,
@@ -429,7 +424,7 @@ class Calibration:
 
     @cached_property
     def static(self) -> StaticFrames:
-        """The fixed frames."""
+        """The fixed frames; raises as ``read_static_frames``."""
         return read_static_frames(self._run)
 
 

@@ -21,11 +21,9 @@ from fieldtruth.bag.file import BagError, BagFile, experiment_of, find_bag
 from fieldtruth.bag.geometry import (
     Calibration,
     Poses,
-    StaticFrames,
     Trajectory,
     pose_topic,
-    read_static_frames,
-    read_trajectory,
+    read_poses,
 )
 from fieldtruth.bag.reader import Storage, decoder, open_bag
 from fieldtruth.bag.readings import Readings, Stream, read_streams, warn_of_intensity
@@ -157,7 +155,7 @@ class Run(BagFile):
         Raises:
             BagError: the bag has none, or is damaged, or their stamps do not rise.
         """
-        return read_trajectory(self)
+        return read_poses(self).trajectory
 
     @cached_property
     def poses(self) -> Poses:
@@ -169,15 +167,6 @@ class Run(BagFile):
     def has_poses(self) -> bool:
         """Whether the bag has true poses."""
         return table.ODOMETRY in self.counts or table.MODEL_STATES in self.counts
-
-    @cached_property
-    def static(self) -> StaticFrames:
-        """Fixed frames.
-
-        Raises:
-            BagError: the bag has no /tf_static, or is damaged.
-        """
-        return read_static_frames(self)
 
     @cached_property
     def calibration(self) -> Calibration:

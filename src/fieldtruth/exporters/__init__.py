@@ -242,6 +242,3 @@ def _runs_for(to: str, paths: Sequence[Path | str]) -> list[Run]:
     if twice := next((run.bag for run, bag in zip(runs, bags, strict=True) if bags.count(bag) > 1), None):
         raise OutputError(f"{twice} is given twice; each run can be one sequence")
     return runs
-
-
-__all__ = ["FORMATS", "Format", "LabelMap", "Options", "Run", "export"]

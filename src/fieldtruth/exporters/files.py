@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 import fieldtruth
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import Lens, read_objects, read_trajectory
+from fieldtruth.bag.geometry import Lens, read_objects, read_poses
 from fieldtruth.bag.messages import JOINTS
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
@@ -301,7 +301,7 @@ def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
 
 def pose_lines(run: Run, topic: str) -> Iterator[str]:
     """Lines of the true poses of a topic."""
-    poses = read_trajectory(run, topic)
+    poses = read_poses(run, topic).trajectory
     rows = np.concatenate([poses.position, poses.quaternion_wxyz[:, [1, 2, 3, 0]]], axis=1).tolist()
     return (line(stamp, tuple(row)) for stamp, row in zip(poses.stamps_ns.tolist(), rows, strict=True))
 
@@ -464,7 +464,7 @@ def _camera(lens: Lens) -> dict[str, Any]:
 
 
 def _frames(run: Run) -> dict[str, Any]:
-    static = run.static
+    static = run.calibration.static
     described: dict[str, Any] = {}
     for frame, (parent, parent_from_frame) in static.parents.items():
         wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_frame[:3, :3])

@@ -256,7 +256,7 @@ def frame_rows(run: Run) -> list[FrameRow]:
     if table.TF_STATIC not in usable_topics(run)[0]:
         return []
     try:
-        parents = run.static.parents
+        parents = run.calibration.static.parents
     except UNEXPECTED:  # an invalid quaternion, for example
         return []
     children: dict[str, list[str]] = {}
