@@ -68,13 +68,7 @@ class LidarFacts(NamedTuple):
     topic: str
     frame: str
     base_from_lidar: Array
-    rate_hz: float
-    rings: int
-    columns: int
-    min_range: float
-    max_range: float
-    """[m]."""
-    pattern: str | None
+    config: Any
     fields: Mapping[str, int]
     """Datatype of each field of its points, as in sensor_msgs/PointField."""
 
@@ -155,20 +149,9 @@ def read_facts(run: Run) -> Facts:
 
 
 def _lidar(run: Run, lidar: Source) -> LidarFacts:
-    config = lidar.config
-    return LidarFacts(
-        name=lidar.name,
-        topic=lidar.topic,
-        frame=run.calibration.frame(lidar.name),
-        base_from_lidar=run.calibration.base_from(lidar.name),
-        rate_hz=config.rate_hz,
-        rings=config.rings,
-        columns=config.columns,
-        min_range=config.min_range,
-        max_range=config.max_range,
-        pattern=config.pattern,
-        fields={field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields},
-    )
+    frame, mount = run.calibration.frame(lidar.name), run.calibration.base_from(lidar.name)
+    fields = {field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields}
+    return LidarFacts(lidar.name, lidar.topic, frame, mount, lidar.config, fields)
 
 
 def _imu(run: Run, imu: Source) -> ImuFacts:
@@ -244,7 +227,7 @@ def lio_sam(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    if lidar.pattern is not None:
+    if lidar.config.pattern is not None:
         return "it orders points by ring and azimuth, which a Livox does not have"
     if lidar.has_short_ring and lidar.has_t:
         sensor = "ouster"
@@ -283,8 +266,8 @@ def fast_lio2(facts: Facts) -> Files | str:
         facts,
         kind=kind,
         unit=unit,
-        rate=round(lidar.rate_hz),
-        fov=90.0 if lidar.pattern == "avia" else 180.0,
+        rate=round(lidar.config.rate_hz),
+        fov=90.0 if lidar.config.pattern == "avia" else 180.0,
         **{key: max(density * density * imu.rate_hz, least) for (key, least), density in pairs},
         **_rotation_and_position(transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar),
     )
