@@ -118,12 +118,6 @@ def _rate(run: BagFile, topic: str) -> float | None:
     return (count - 1) / run.duration_s if count > 2 and run.duration_s > 0.0 else None
 
 
-ASSUMED: Final = (
-    "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; rates, "
-    "sizes of images and clouds, and frames are measured from the bag"
-)
-
-
 class Run(BagFile):
     """A bag whose sensors are read by name: ``run["lidar"][3].xyz``, ``run["stereo/left"].at(stamp_ns).photo``.
 
@@ -141,7 +135,12 @@ class Run(BagFile):
     @property
     def assumed(self) -> str:
         """What is assumed of a bag that has no experiment.yaml beside it; else empty."""
-        return "" if self.experiment is not None else ASSUMED
+        if self.experiment is not None:
+            return ""
+        return (
+            "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; "
+            "rates, sizes of images and clouds, and frames are measured from the bag"
+        )
 
     @cached_property
     def sensors(self) -> Mapping[str, Source]:

@@ -198,17 +198,14 @@ def _write_frame(images: Sequence[Readings], pair: Pair, target: Path, stamp: in
     if first.depth is None:
         return []
     _save(target / "true", name, first.depth)
-    return [errors_of(found, _disparity_of(first.depth, pair.scale), first.depth)]
+    with np.errstate(divide="ignore"):
+        expected = pair.scale / first.depth.astype(np.float64)
+    return [errors_of(found, expected, first.depth)]
 
 
 def _grey(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     return grey
-
-
-def _disparity_of(metres: NDArray[np.float32], scale: float) -> Array:
-    with np.errstate(divide="ignore"):
-        return np.asarray(scale / metres.astype(np.float64))
 
 
 def _save(folder: Path, name: str, metres: NDArray[np.float32]) -> None:
