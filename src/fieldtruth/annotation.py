@@ -14,22 +14,21 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import partial
 from heapq import merge
-from math import ceil, floor
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
 
 from fieldtruth.bag import geometry
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError, read_errors
 from fieldtruth.bag.geometry import (
     ModelStatesReader,
+    RecordedPoses,
     StaticFrames,
     Trajectory,
     pose_topic,
@@ -37,12 +36,12 @@ from fieldtruth.bag.geometry import (
     read_static_frames,
 )
 from fieldtruth.bag.messages import ModelStatesWriter, rig_transforms, tf_static
-from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core import transforms
-from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.files import locked, output_errors, output_path
 from fieldtruth.core.parallel import cpu_count
@@ -201,39 +200,7 @@ LARGEST_STEP_NS: Final = 200_000_000
 """Largest time [ns] between two poses; over a longer gap interpolation is not accurate to a pixel."""
 
 
-@dataclass(frozen=True)
-class Poses:
-    """Poses of base_link by rising stamp, and the stamp in the bag [ns] with which each was recorded."""
-
-    source: str
-    """Their topic."""
-    trajectory: Trajectory
-    recorded_ns: Counts
-
-    def recorded_at(self, stamp_ns: int) -> int:
-        """Stamp in the bag [ns] of the first pose at or after a stamp [ns]."""
-        return int(self.recorded_ns[np.searchsorted(self.trajectory.stamps_ns, stamp_ns)])
-
-    def stamps(self, sensor: str, rate_hz: float, sweep_ns: int = 0) -> Counts:
-        """Return the stamps [ns] k / rate, k > 0, for which there are poses up to ``sweep_ns`` later.
-
-        Raises:
-            BagError: there are no such stamps.
-        """
-        first, last = (int(self.trajectory.stamps_ns[i]) for i in (0, -1))
-        period = Fraction(10**9) / Fraction(rate_hz)
-        numbers = range(max(1, ceil(first / period) - 1), floor(last / period) + 2)  # stamps are rounded up or down
-        rounded = [round(k * period) for k in numbers]
-        stamps: Counts = np.array([stamp for stamp in rounded if first <= stamp <= last - sweep_ns], np.int64)
-        if not len(stamps):
-            raise BagError(
-                f"{self.source} has poses from {first / 1e9:.3f} s to {last / 1e9:.3f} s; "
-                f"no {sensor} stamp (a multiple of {float(period) / 1e9:g} s) lies between them"
-            )
-        return stamps
-
-
-def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
+def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> RecordedPoses:
     """Read the poses of base_link; the whole bag is read, so that damage is found before hours of rendering.
 
     Raises:
@@ -260,7 +227,7 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
         pose = world_from_frame @ inverse(base_from_frame)
         quaternion = quaternion_wxyz_from_rotation(pose[:, :3, :3])
         trajectory = Trajectory(trajectory.stamps_ns, pose[:, :3, 3], quaternion)
-    return Poses(topic, trajectory, found.recorded_ns)
+    return found._replace(trajectory=trajectory)
 
 
 def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
@@ -356,7 +323,7 @@ def annotate(
 
 
 def _slices(
-    sensor_world: SensorWorld, poses: Poses, added: list[Topic], folder: RunFolder, progress: Progress
+    sensor_world: SensorWorld, poses: RecordedPoses, added: list[Topic], folder: RunFolder, progress: Progress
 ) -> Slices:
     """Check that the poses fit into the world, and prepare the slices of what the sensors see there."""
     world, rig, trajectory = sensor_world.world, sensor_world.rig, poses.trajectory
@@ -394,7 +361,7 @@ def _added_topics(run: Run, rig: Rig) -> list[Topic]:
     return added
 
 
-def _streams(poses: Poses, rig: Rig) -> list[Stream]:
+def _streams(poses: RecordedPoses, rig: Rig) -> list[Stream]:
     """Streams at all multiples of a sensor's period for which there are poses, in the order of ``topics_of``."""
 
     def pose_at(stamp_ns: int | NDArray[np.int64]) -> Array:
@@ -412,7 +379,7 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
     return streams
 
 
-def _latched(poses: Poses, frames: Mapping[tuple[str, str], Array]) -> dict[str, tuple[int, bytes]]:
+def _latched(poses: RecordedPoses, frames: Mapping[tuple[str, str], Array]) -> dict[str, tuple[int, bytes]]:
     """/tf_static of the added frames at the first pose: its stamp in the bag [ns], and its bytes."""
     first_ns = int(poses.trajectory.stamps_ns[0])
     return {table.TF_STATIC: (poses.recorded_at(first_ns), tf_static(first_ns, frames))} if frames else {}
@@ -420,14 +387,6 @@ def _latched(poses: Poses, frames: Mapping[tuple[str, str], Array]) -> dict[str,
 
 RECORDED: Final = "/recorded"
 """Prefix of the bag's own topics where new ones have their names."""
-
-
-class _Entry(NamedTuple):
-    """A message for the new bag: its stamp there [ns], its topic or the connection that recorded it, and its bytes."""
-
-    stamp_ns: int
-    topic: str | Connection
-    data: bytes
 
 
 def merge_bags(
@@ -460,17 +419,13 @@ def merge_bags(
         kept = [c._replace(topic=RECORDED + c.topic) if c.topic in new else c for c in source.connections]
         connections = {connection.id: bag.carry(connection) for connection in kept}
 
-        def original() -> Iterator[_Entry]:
-            for raw in source.messages():
-                yield _Entry(raw.stamp_ns, connections[raw.connection], raw.data)
-
-        def added() -> Iterator[_Entry]:
-            yield from (_Entry(stamp, topic, data) for topic, (stamp, data) in latched.items())
+        def added() -> Iterator[RawMessage]:
+            yield from (RawMessage(stamp, topic, "", data) for topic, (stamp, data) in latched.items())
             for k in range(slices.count):
                 with open_bag(slices.path(k)) as part:
                     for raw in part.messages():
-                        yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
+                        yield RawMessage(recorded_at(raw.stamp_ns), raw.topic, raw.msgtype, raw.data)
 
-        entries = merge(original(), added(), key=lambda entry: entry.stamp_ns)
-        for entry in timed(entries, advance, run.start_ns):
-            bag.write(entry.topic, entry.stamp_ns, entry.data)
+        messages = merge(source.messages(), added(), key=attrgetter("stamp_ns"))
+        for raw in timed(messages, advance, run.start_ns):
+            bag.write(connections.get(raw.connection, raw.topic), raw.stamp_ns, raw.data)

@@ -10,7 +10,8 @@ import pytest
 from annotate_bags import Kind, Message, drive, odometry, standard, states, static, true_pose, write
 
 from fieldtruth import annotation, cli
-from fieldtruth.annotation import Poses, annotate, check_frames, read_poses
+from fieldtruth.annotation import annotate, check_frames, read_poses
+from fieldtruth.bag.geometry import RecordedPoses
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -27,7 +28,7 @@ RIG = Rig()
 FOOTPRINT = transforms.pose((0.0, 0.0, -0.13228))
 
 
-def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> Poses:
+def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> RecordedPoses:
     reported: list[float] = []
     folder.mkdir(exist_ok=True)
     run = open_run(write(folder / "x.bag", messages))
@@ -36,7 +37,7 @@ def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str =
     return poses
 
 
-def assert_on_the_path(poses: Poses, stamps: list[int], within: float = 1e-9) -> None:
+def assert_on_the_path(poses: RecordedPoses, stamps: list[int], within: float = 1e-9) -> None:
     for stamp in stamps:
         assert poses.trajectory.world_from_base(stamp) == pytest.approx(true_pose(stamp / 1e9), abs=within)
 

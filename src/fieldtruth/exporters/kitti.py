@@ -84,21 +84,17 @@ def read_geometry(run: Run) -> Geometry:
         BagError: /tf_static or a camera's CameraInfo is missing or invalid, or the views differ in size.
     """
     views, calibration = first_views(run), run.calibration
-    if not has_cameras(run) or _are_panoramas(run):
+    lenses = [calibration.lens(view.name) for view in views if calibration.has_lens(view.name)]
+    if not lenses or any(lens.model == "equirectangular" for lens in lenses):
         base_from_sensor = calibration.base_from(first_lidar(run).name)
         return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
     run.require(table.TF_STATIC, *(view.info for view in views))
     left, right = views[0].name, views[-1].name
     projection = calibration.projection(left), calibration.projection(right)
-    sizes = [(lens.width, lens.height) for lens in (calibration.lens(view.name) for view in views)]
+    sizes = [(lens.width, lens.height) for lens in lenses]
     if len({*sizes}) > 1:
         raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
     return Geometry(projection, calibration.base_from(left), calibration.base_from(first_lidar(run).name))
-
-
-def _are_panoramas(run: Run) -> bool:
-    known = [view.name for view in first_views(run) if run.calibration.has_lens(view.name)]
-    return any(run.calibration.lens(name).model == "equirectangular" for name in known)
 
 
 class Pair(NamedTuple):
