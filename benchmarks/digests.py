@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import fieldtruth as ft
+from fieldtruth.bag.file import CARD, EXPERIMENT
 from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.run import CARD, EXPERIMENT
 from fieldtruth.exporters import FORMATS
 
 SECONDS = 1.0

@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth as ft
 from fieldtruth.bag.decode import points
-from fieldtruth.bag.geometry import read_trajectory, seconds
+from fieldtruth.bag.geometry import seconds
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
@@ -141,7 +141,7 @@ PROGRAMS: Final[dict[str, tuple[Work, float]]] = {
 def errors(run: Path, estimate: Path, later_s: float) -> dict[str, float]:
     """evo's errors of the LiDAR's poses, whose times are ``later_s`` after their stamps."""
     bag = open_run(run)
-    trajectory, lidar = read_trajectory(bag), read_facts(bag).lidar
+    trajectory, lidar = bag.trajectory, read_facts(bag).lidar
     assert lidar is not None
     found = file_interface.read_tum_trajectory_file(estimate)
     stamps = np.rint(1e9 * (found.timestamps + later_s)).astype(np.int64)

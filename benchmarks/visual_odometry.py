@@ -21,7 +21,7 @@ from slam import compared, show
 
 import fieldtruth as ft
 from fieldtruth.bag.decode import image
-from fieldtruth.bag.geometry import first_message, read_static_frames, read_trajectory, seconds
+from fieldtruth.bag.geometry import first_message, read_static_frames, seconds
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters.frames import first_views
@@ -108,7 +108,7 @@ def main() -> None:
     lines = np.column_stack([times, estimate.positions_xyz, np.roll(estimate.orientations_quat_wxyz, -1, axis=1)])
     np.savetxt(options.out, lines, fmt="%.9f")
     mount = read_static_frames(run).base_from(info.header.frame_id)
-    trajectory = read_trajectory(run)
+    trajectory = run.trajectory
     truth = PoseTrajectory3D(poses_se3=[trajectory.world_from_base(s) @ mount for s in stamps], timestamps=times)
     show(f"{run.name}, stereo", compared(truth, estimate), header=True)
 

@@ -17,8 +17,7 @@ from typing import Any, Final, Literal, NamedTuple, SupportsIndex, TypedDict, Un
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.bag_file import BAG_ENDINGS
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BAG_ENDINGS, BagError, find_bag, is_database
 from fieldtruth.bag.geometry import Lens, Poses
 from fieldtruth.bag.readings import Readings, nearest, reflectivity
 from fieldtruth.bag.run import open_run
@@ -280,7 +279,7 @@ class RunDataset:
         """Calibration by key of the sample, as far as items need it."""
         if not any(item in GEOMETRY for item in self.items):
             return {}
-        static = self.run.static
+        static = self.run.calibration.static
         fixed: dict[str, Any] = {f"base_from_{s}": static.base_from(each.frame()) for s, each in self._readings.items()}
         if "calibration" in self.items and "camera" in self._readings:
             source = self._readings["camera"].source
@@ -427,8 +426,9 @@ class Runs:
 def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **options: Unpack[Options]) -> Runs:
     """Open every run in a folder and its subfolders, sorted by name.
 
-    A run's name is its path in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's
-    name, its other bags are copies (annotated, say) and are skipped. So are names that begin with a dot.
+    Bags are files of ROS 1, MCAP files, and those of ROS 2: .db3, or folders with metadata.yaml. A run's name is its
+    path in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's name, its other bags
+    are copies (annotated, say) and are skipped. So are names that begin with a dot.
 
     Args:
         folder: the folder of runs.
@@ -472,12 +472,14 @@ def _bags(root: Path) -> Iterator[tuple[str, Path]]:
             continue
         seen.add(real)
         folders[:] = [name for name in folders if not name.startswith(".")]
-        here, bags = Path(path), list[str]()
-        for ending in BAG_ENDINGS:
+        here, own, bags = Path(path), Path(real).name, list[str]()
+        for ending in (*BAG_ENDINGS, ".db3"):
             bags = bags or [name for name in files if name.endswith(ending) and not name.startswith(".")]
-        own = Path(real).name + (Path(bags[0]).suffix if bags else "")
-        for name in [own] if own in bags else bags:
-            called = here if name == own and here != root else (here / name).with_suffix("")
+            bags = [own + ending] if own + ending in bags else bags
+        is_ros2 = is_database(here) and any(".db3" in name or ".mcap" in name for name in files)
+        for name in [""] if is_ros2 and find_bag(here) == here else bags:
+            folder = root / own if here == root else here
+            called = folder if Path(name).stem in ("", own) else (here / name).with_suffix("")
             yield called.relative_to(root).as_posix(), here / name
 
 

@@ -6,7 +6,8 @@ import json
 import shutil
 import struct
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -28,33 +29,29 @@ from annotate_bags import (
 from rosbags.rosbag1 import Writer
 
 from fieldtruth import annotation, cli
-from fieldtruth.annotation import annotate
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.world.build import load_world
 
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds
 WALL = 1_600_000_000 * 10**9  # [ns]
 LEFT_TAG = "/stereo/camera/left/tag/img_raw"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_scene() -> Iterator[None]:
-    """Share one world and one scene between all calls, and make slices of 0.2 s, so that there are several."""
-    world = load_world("park", 0)
-    scene = Scene(world)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(annotation, "load_world", lambda name, seed, layout: world)
-        patch.setattr("fieldtruth.sensors.kind.Scene", lambda world: scene)
-        yield
+Annotate = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def annotate(park: SensorWorld) -> Annotate:
+    """Annotate in the scene that the tests share."""
+    return partial(annotation.annotate, scene=park.scene)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +87,7 @@ def stripped(original: list[Message], tmp_path_factory: pytest.TempPathFactory) 
 
 
 @pytest.fixture(scope="module")
-def annotated(stripped: Path, rig: Rig) -> Path:
+def annotated(annotate: Annotate, stripped: Path, rig: Rig) -> Path:
     return annotate(stripped, "park", rig=rig, workers=2)
 
 
@@ -119,7 +116,9 @@ def test_the_bag_is_written_in_the_order_of_time(annotated: Path, stripped: Path
     assert [row for row in rows if sensed(row[1])] == [row for row in run if sensed(row[1])]
 
 
-def test_the_input_is_only_read_and_no_other_files_remain(stripped: Path, cameras: Rig, tmp_path: Path) -> None:
+def test_the_input_is_only_read_and_no_other_files_remain(
+    annotate: Annotate, stripped: Path, cameras: Rig, tmp_path: Path
+) -> None:
     bag = Path(shutil.copy(stripped, tmp_path / "x.bag"))
     bag.chmod(0o444)
     before = sha256(bag.read_bytes()).digest(), bag.stat().st_mtime_ns
@@ -130,7 +129,7 @@ def test_the_input_is_only_read_and_no_other_files_remain(stripped: Path, camera
 
 @pytest.mark.slow
 def test_same_bytes_for_any_number_of_workers_and_after_an_interruption(
-    annotated: Path, stripped: Path, rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    annotate: Annotate, annotated: Path, stripped: Path, rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -171,14 +170,16 @@ class Counting:
     "packed", [Writer.CompressionFormat.BZ2, pytest.param(Writer.CompressionFormat.LZ4, marks=pytest.mark.slow)]
 )
 def test_either_source_of_poses_and_any_compression_is_read(
-    source: str, packed: Writer.CompressionFormat, original: list[Message], rig: Rig, tmp_path: Path
+    annotate: Annotate, source: str, packed: Writer.CompressionFormat, original: list[Message], rig: Rig, tmp_path: Path
 ) -> None:
     messages = [message for message in original if message.kind.topic == source and message.stamp <= 120_000_000]
     bag = annotate(write(tmp_path / "x.bag", messages, packed), "park", rig=rig, out=tmp_path / "y.bag")
     assert seen(stored(bag)) == seen([message for message in original if message.stamp <= 120_000_000])
 
 
-def test_a_scan_that_ends_after_the_last_pose_is_left_out(original: list[Message], rig: Rig, tmp_path: Path) -> None:
+def test_a_scan_that_ends_after_the_last_pose_is_left_out(
+    annotate: Annotate, original: list[Message], rig: Rig, tmp_path: Path
+) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp < 300_000_000]
     sweeping = rig.lidar.model_copy(update={"spinning": True, "columns": 16})
     clouds = paper_rig(stereo=StereoConfig(enabled=False), lidar=sweeping)
@@ -187,7 +188,7 @@ def test_a_scan_that_ends_after_the_last_pose_is_left_out(original: list[Message
 
 
 @pytest.mark.slow
-def test_stamps_of_a_wall_clock(original: list[Message], cameras: Rig, tmp_path: Path) -> None:
+def test_stamps_of_a_wall_clock(annotate: Annotate, original: list[Message], cameras: Rig, tmp_path: Path) -> None:
     # 3 ms off the grid of the cameras: images are at multiples of 40 ms, and there is a pose every millisecond
     shift = WALL + 3_000_000
     messages = [m._replace(stamp=m.stamp + shift) for m in original if m.kind.topic == STATES and m.stamp < 10**8]
@@ -195,11 +196,11 @@ def test_stamps_of_a_wall_clock(original: list[Message], cameras: Rig, tmp_path:
     tags = list(read_bag(bag, [LEFT_TAG]))
     assert [tag.stamp_ns - WALL for tag in tags] == [40_000_000, 80_000_000]
     assert [read.stamp_ns(tag.message.header) for tag in tags] == [tag.stamp_ns for tag in tags]
-    moved = {at: annotate_at(original, at, cameras, tmp_path) for at in (37, 77)}
+    moved = {at: annotate_at(annotate, original, at, cameras, tmp_path) for at in (37, 77)}
     assert all((image(tag.message) == moved[at]).all() for tag, at in zip(tags, (37, 77), strict=True))
 
 
-def annotate_at(original: list[Message], milliseconds: int, rig: Rig, folder: Path) -> Any:
+def annotate_at(annotate: Annotate, original: list[Message], milliseconds: int, rig: Rig, folder: Path) -> Any:
     """Tag image at a time of the original between its images: its poses there, shifted to a camera's stamp."""
     row = [m for m in original if m.kind.topic == STATES and abs(m.stamp - milliseconds * 10**6) <= 10**6]
     path = write(folder / f"{milliseconds}.bag", (m._replace(stamp=m.stamp + (80 - milliseconds) * 10**6) for m in row))
@@ -208,7 +209,7 @@ def annotate_at(original: list[Message], milliseconds: int, rig: Rig, folder: Pa
 
 
 def test_wall_time_in_the_bag_and_simulated_time_in_headers(
-    original: list[Message], cameras: Rig, tmp_path: Path
+    annotate: Annotate, original: list[Message], cameras: Rig, tmp_path: Path
 ) -> None:
     # each message was recorded 2 ms after it was sent, by another clock
     start = [m for m in original if m.stamp <= 130_000_000]
@@ -219,7 +220,7 @@ def test_wall_time_in_the_bag_and_simulated_time_in_headers(
 
 
 def test_images_that_the_bag_has_already_are_kept_with_a_prefix(
-    original: list[Message], cameras: Rig, tmp_path: Path
+    annotate: Annotate, original: list[Message], cameras: Rig, tmp_path: Path
 ) -> None:
     start = [m for m in original if m.stamp <= 50_000_000 and (m.kind.topic == ODOMETRY or "/stereo" in m.kind.topic)]
     bag = write(tmp_path / "x.bag", start)
@@ -232,7 +233,9 @@ def test_images_that_the_bag_has_already_are_kept_with_a_prefix(
     assert kept == [(stamp, f"/recorded{topic}", data) for stamp, topic, data in own]
 
 
-def test_missing_frames_of_the_added_sensors_are_added(original: list[Message], cameras: Rig, tmp_path: Path) -> None:
+def test_missing_frames_of_the_added_sensors_are_added(
+    annotate: Annotate, original: list[Message], cameras: Rig, tmp_path: Path
+) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp <= 60_000_000]
     bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=cameras)
     expected = {key for message in original if message.kind.topic == STATIC for key in static_transforms_in(message)}

@@ -7,7 +7,6 @@
 new excerpt.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +14,6 @@ import numpy as np
 import pytest
 from annotate_bags import stored, write
 
-from fieldtruth import annotation
 from fieldtruth.annotation import annotate
 from fieldtruth.bag.decode import image, points, read_bag, stamp_ns, static_transforms
 from fieldtruth.core import transforms
@@ -39,19 +37,15 @@ GAZEBO = f"/recorded{OURS}"
 STAMPS: Final = [10 * 10**9, 11 * 10**9, 12 * 10**9]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_scene() -> Iterator[None]:
-    world = load_world("park", 0, DEFAULT_LAYOUT)
-    scene = Scene(world)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(annotation, "load_world", lambda name, seed, layout: world)
-        patch.setattr("fieldtruth.sensors.kind.Scene", lambda world: scene)
-        yield
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(load_world("park", 0, DEFAULT_LAYOUT))
 
 
 @pytest.fixture(scope="module")
-def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return annotate(EXCERPT, "park", rig=RIG, out=tmp_path_factory.mktemp("gazebo") / "annotated.bag")
+def annotated(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("gazebo") / "annotated.bag"
+    return annotate(EXCERPT, "park", rig=RIG, out=out, scene=scene)
 
 
 def beams(message: Any) -> tuple[Array, Array]:
@@ -111,10 +105,10 @@ def test_images_frames_and_the_recorded_messages_are_in_the_bag(annotated: Path)
     assert {child for _, child in static_transforms(annotated)} >= {"os1_lidar", "left_camera_optical"}
 
 
-def test_without_odometry_the_robots_row_of_model_states_is_used(tmp_path: Path) -> None:
+def test_without_odometry_the_robots_row_of_model_states_is_used(scene: Scene, tmp_path: Path) -> None:
     """It has no stamps but those of ``rosbag record``, which are some milliseconds late."""
     left = [message for message in stored(EXCERPT) if message.kind.topic != "/ground_truth/odom"]
     clouds_only = paper_rig(lidar=RIG.lidar, stereo=StereoConfig(enabled=False))
-    bag = annotate(write(tmp_path / "x.bag", left), "park", rig=clouds_only)
+    bag = annotate(write(tmp_path / "x.bag", left), "park", rig=clouds_only, scene=scene)
     pairs = zip(clouds(bag, OURS), clouds(bag, GAZEBO), strict=True)
     assert all(np.median(np.abs(a[0] - b[0])) < 0.002 for a, b in pairs)

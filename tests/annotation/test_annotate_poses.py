@@ -10,14 +10,15 @@ import pytest
 from annotate_bags import Kind, Message, drive, odometry, standard, states, static, true_pose, write
 
 from fieldtruth import annotation, cli
-from fieldtruth.annotation import annotate
-from fieldtruth.annotation.check import Poses, check_frames, read_poses
+from fieldtruth.annotation import annotate, check_frames, read_poses
+from fieldtruth.bag.geometry import RecordedPoses
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
+from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
@@ -27,7 +28,7 @@ RIG = Rig()
 FOOTPRINT = transforms.pose((0.0, 0.0, -0.13228))
 
 
-def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> Poses:
+def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> RecordedPoses:
     reported: list[float] = []
     folder.mkdir(exist_ok=True)
     run = open_run(write(folder / "x.bag", messages))
@@ -36,7 +37,7 @@ def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str =
     return poses
 
 
-def assert_on_the_path(poses: Poses, stamps: list[int], within: float = 1e-9) -> None:
+def assert_on_the_path(poses: RecordedPoses, stamps: list[int], within: float = 1e-9) -> None:
     for stamp in stamps:
         assert poses.trajectory.world_from_base(stamp) == pytest.approx(true_pose(stamp / 1e9), abs=within)
 
@@ -141,8 +142,8 @@ def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def park() -> World:
-    return load_world("park", 0)
+def scene() -> Scene:
+    return Scene(load_world("park", 0))
 
 
 def gap(park: World) -> list[Message]:
@@ -240,24 +241,14 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
 
 @pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
 def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
-    make: Callable[[World], list[Message]],
-    line: str,
-    park: World,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    make: Callable[[World], list[Message]], line: str, scene: Scene, tmp_path: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(annotation, "load_world", lambda name, seed, layout: park)
-    write(Path("x.bag"), make(park))
-    assert cli.main(["annotate", "x.bag", "--environment", "park"]) == 2
-    out, err = capsys.readouterr()
-    lines = [text for text in err.splitlines() if text.startswith("error: ")]
-    assert len(lines) == 1
-    assert err.endswith(lines[0] + "\n")
-    assert line in lines[0]
-    assert out == ""
-    assert [path.name for path in Path().iterdir()] == ["x.bag"]
+    bag = write(tmp_path / "x.bag", make(scene.world))
+    with pytest.raises(FieldtruthError) as error:
+        annotate(bag, "park", scene=scene)
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
 
 
 @pytest.mark.parametrize(
@@ -294,7 +285,7 @@ def test_an_interruption_shows_the_command_that_resumes(
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(annotation, "load_world", stop)
+    monkeypatch.setattr(annotation, "check_frames", stop)
     bag = write(tmp_path / "x.bag", drive())
     assert cli.main(["annotate", str(bag), "--environment", "park"]) == 130
     assert capsys.readouterr().err.endswith(f" resume with: fieldtruth annotate {bag} --environment park\n")

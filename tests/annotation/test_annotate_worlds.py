@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from annotate_bags import odometry, states, true_pose, write
 
-from fieldtruth.annotation.check import check_objects
+from fieldtruth.annotation import check_objects
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array

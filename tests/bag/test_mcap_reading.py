@@ -19,9 +19,9 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from fieldtruth.bag.decode import count_messages, read_bag
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BagError, find_bag
 from fieldtruth.bag.reader import RawMessage, open_bag
-from fieldtruth.bag.run import find_bag, open_run
+from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning
 from fieldtruth.datasets import RunDataset, open_runs
 from fieldtruth.exporters import export

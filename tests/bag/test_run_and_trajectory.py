@@ -11,7 +11,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import ModelStatesReader, Trajectory, read_trajectory
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory, read_poses
 from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
@@ -89,9 +89,9 @@ def test_model_states_read_in_place_equal_the_message(small_run: Path) -> None:
 
 
 def test_both_topics_give_the_same_trajectory(small_run: Path, tmp_path: Path) -> None:
-    from_odometry = read_trajectory(open_run(small_run))
+    from_odometry = open_run(small_run).trajectory
     bag = copy_of(small_run / "park_1.bag", tmp_path / "states.bag", {"/ground_truth/odom"})
-    from_states = read_trajectory(open_run(bag))
+    from_states = open_run(bag).trajectory
     rows = np.searchsorted(from_states.stamps_ns, from_odometry.stamps_ns)
     assert len(from_states) == 1200
     assert np.array_equal(from_states.stamps_ns[rows], from_odometry.stamps_ns)
@@ -99,7 +99,7 @@ def test_both_topics_give_the_same_trajectory(small_run: Path, tmp_path: Path) -
     assert np.array_equal(from_states.quaternion_wxyz[rows], from_odometry.quaternion_wxyz)
     neither = copy_of(bag, tmp_path / "neither.bag", {STATES})
     with pytest.raises(BagError, match="has no /ground_truth/odom"):
-        read_trajectory(open_run(neither))
+        read_poses(open_run(neither))
 
 
 def test_poses_are_interpolated_linearly_and_spherically() -> None:

@@ -14,7 +14,7 @@ import pytest
 from dataset_bags import equal
 
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, collate, open_runs, split
+from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, bags_in, collate, open_runs, split
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
 RAGGED = ("cloud", "labels", "instances", "rays", "reflectivity")
@@ -72,6 +72,15 @@ def test_copies_and_unfinished_runs_are_skipped_and_links_followed(small_run: Pa
     (data / "linked_again").symlink_to(data)
     assert open_runs(data).names == ("foreign/one", "foreign/two", "linked/lake_1", "park_1")
     assert open_runs(data / "park_1").names == ("park_1",)
+
+
+def test_a_bag_of_ros_2_is_a_file_or_a_folder_of_files(tmp_path: Path) -> None:
+    names = ("alone.db3", "drone/drone_0.db3", "drone/drone_1.db3", "drone/metadata.yaml", "other/metadata.yaml")
+    for path in map(tmp_path.joinpath, names):
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    assert bags_in(tmp_path) == [("alone", tmp_path / "alone.db3"), ("drone", tmp_path / "drone")]
+    assert bags_in(tmp_path / "drone") == [("drone", tmp_path / "drone")]
 
 
 def test_a_folder_without_runs_or_with_equal_names_is_an_error(small_run: Path, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_mesh, make_world
 
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
-from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
@@ -92,7 +91,7 @@ def test_every_point_of_a_lidar_is_in_a_voxel_of_its_class(small_run: Path, tmp_
     size = np.array([*grid["shape"], len(CLASSES)])
     known = np.sort(np.ravel_multi_index((*grid["coords"].T.astype(np.int64), grid["label"]), size))
     run = open_run(small_run)
-    trajectory, lidar = read_trajectory(run), run.rig.lidar
+    trajectory, lidar = run.trajectory, run.rig.lidar
     total = 0
     for reading in read_bag(run.bag, [lidar.topic]):
         cloud = points(reading.message)

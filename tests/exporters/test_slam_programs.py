@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration files of SLAM programs for other rigs: types of points, noise, lenses."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,8 @@ def facts(
     """A LiDAR 2 m ahead of the IMU, and one camera in the IMU."""
     ahead = np.eye(4)
     ahead[0, 3] = 2.0
-    lidar = LidarFacts("top", "/top/points", "top", ahead, 10.0, 16, 1800, 0.5, 100.0, pattern, fields or {})
+    config = SimpleNamespace(rate_hz=10.0, rings=16, columns=1800, min_range=0.5, max_range=100.0, pattern=pattern)
+    lidar = LidarFacts("top", "/top/points", "top", ahead, config, fields or {})
     imu = ImuFacts("imu", "/imu/data", np.eye(4), 200.0, noise, assumed=False)
     view = ViewFacts(
         "front", "/front/real", np.eye(4), model, (400.0, 410.0, 319.5, 239.5), coefficients, 640, 480, 30.0

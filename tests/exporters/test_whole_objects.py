@@ -15,7 +15,6 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
@@ -137,7 +136,7 @@ class Scans:
 
     def __init__(self, folder: Path) -> None:
         run = open_run(folder)
-        self.trajectory = read_trajectory(run)
+        self.trajectory = run.trajectory
         self.base_from_lidar = run.rig.lidar.mount.base_from_sensor
         self.at: dict[int, tuple[F8, NDArray[Any]]] = {}
         for reading in read_bag(run.bag, [run.rig.lidar.topic]):

@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
-from fieldtruth.sensors.camera.labels import pinhole
+from fieldtruth.sense.lens import pinhole
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 RATE_HZ = 10.0

@@ -14,7 +14,7 @@ from rig_models import add_rig, beams, tour
 from fieldtruth.core import transforms
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.sensors.camera.labels import pinhole
+from fieldtruth.sense.lens import pinhole
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 

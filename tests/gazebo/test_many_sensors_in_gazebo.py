@@ -25,8 +25,8 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.sense.lens import pinhole
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -34,7 +34,6 @@ def test_a_tint_multiplies_in_linear_light_up_to_white() -> None:
 
 def test_images_are_read_back() -> None:
     image = material_image(small_world(), "bark").repeat(8, axis=0).repeat(8, axis=1)
-    np.testing.assert_array_equal(np.asarray(Image.open(BytesIO(encode_image(image, jpeg=False)))), image)
     jpeg = Image.open(BytesIO(encode_image(image)))
     assert jpeg.format == "JPEG"
     assert np.abs(np.asarray(jpeg).astype(int) - image).mean() < 6

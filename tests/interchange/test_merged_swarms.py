@@ -6,17 +6,17 @@ import numpy as np
 from interchange_worlds import SIDE, areas, corners_of, mesh_areas, small_world
 
 from fieldtruth.core.classes import Label
-from fieldtruth.interchange.surfaces import beyond_edge, merged_swarms
+from fieldtruth.interchange.surfaces import beyond_edge, tiles_of_swarms
 
 
 def test_every_member_is_in_the_tile_below_it() -> None:
     world = small_world()
     (swarm,) = world.swarms
-    tiles = list(merged_swarms(world, 5.0, beyond=True))
+    tiles = list(tiles_of_swarms(world, 5.0, beyond=True))
     assert sorted(np.concatenate([tile.members for tile in tiles]).tolist()) == list(range(40))
     assert len({tile.name for tile in tiles}) == len(tiles)
     for tile in tiles:
-        (surface,) = tile.surfaces
+        (surface,) = tile.surfaces(world)
         i, j = (int(n) for n in tile.name.split("_")[-2:])
         xy = swarm.world_from_object[tile.members, :2, 3]
         side = 40.0 if tile.beyond else 5.0
@@ -30,7 +30,7 @@ def test_every_member_is_in_the_tile_below_it() -> None:
 
 def test_members_beyond_the_edge_are_optional() -> None:
     world = small_world()
-    inside = list(merged_swarms(world, 5.0, beyond=False))
+    inside = list(tiles_of_swarms(world, 5.0, beyond=False))
     assert beyond_edge(world, world.swarms[0]).nonzero()[0].tolist() == list(range(30, 40))
     assert sorted(np.concatenate([tile.members for tile in inside]).tolist()) == list(range(30))
     assert not any(tile.beyond for tile in inside)
@@ -39,8 +39,8 @@ def test_members_beyond_the_edge_are_optional() -> None:
 def test_vertices_have_pose_and_tint_of_their_member() -> None:
     world = small_world()
     (swarm,) = world.swarms
-    (tile,) = merged_swarms(world, 100.0, beyond=False)
-    (surface,) = tile.surfaces
+    (tile,) = tiles_of_swarms(world, 100.0, beyond=False)
+    (surface,) = tile.surfaces(world)
     assert surface.tint is not None
     found = {tuple(np.round(v, 4)): t for v, t in zip(surface.vertices.tolist(), surface.tint.tolist(), strict=True)}
     for member in (0, 1, 17):

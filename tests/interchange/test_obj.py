@@ -15,7 +15,7 @@ from PIL import Image
 from fieldtruth.core.classes import Label
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.surfaces import material_image, merged_swarms, mesh_surfaces, placed
+from fieldtruth.interchange.surfaces import material_image, mesh_surfaces, placed, tiles_of_swarms
 from fieldtruth.world.model import World
 
 pytestmark = pytest.mark.usefixtures("small_ground_images")
@@ -41,7 +41,7 @@ def parts(folder: Path) -> list[Any]:
 def test_objects_and_classes_are_listed(folder: Path, world: World) -> None:
     table = json.loads((folder / "objects.json").read_text())
     ids = {name: row["instance_id"] for name, row in table["objects"].items()}
-    swarms = dict.fromkeys((tile.name for tile in merged_swarms(world, beyond=True)), 6)
+    swarms = dict.fromkeys((tile.name for tile in tiles_of_swarms(world, beyond=True)), 6)
     assert ids == {"terrain_0_0": 1, "backdrop": 1, "tree_1": 2, "tree_2": 3, "bench_1": 4, "pond": 5, **swarms}
     names = [line.split()[1] for line in (folder / "scene.obj").read_text().splitlines() if line.startswith("o ")]
     assert names == list(ids)
@@ -60,7 +60,7 @@ def expected_parts(world: World) -> list[tuple[str, F8]]:
     for instance in world.instances:
         surfaces = mesh_surfaces(world.meshes[instance.mesh], world.materials)
         parts += [placed(surface, instance.world_from_object[None]) for surface in surfaces]
-    parts += [surface for tile in merged_swarms(world, beyond=True) for surface in tile.surfaces]
+    parts += [surface for tile in tiles_of_swarms(world, beyond=True) for surface in tile.surfaces(world)]
     return [(surface.material, corners_of(surface)) for surface in parts]
 
 

@@ -14,7 +14,7 @@ from interchange_worlds import small_world
 from fieldtruth import cli
 from fieldtruth.core import parallel
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.interchange import FORMATS, glb, write_scene
+from fieldtruth.interchange import FORMATS, write_scene
 from fieldtruth.world import build
 from fieldtruth.world.model import World
 
@@ -77,7 +77,7 @@ def test_overwrite_replaces_an_older_output(world: World) -> None:
     assert [p.name for p in Path().iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize(("to", "last_step"), [("gltf", "glb.Glb.save"), ("obj", "obj._write_materials")])
+@pytest.mark.parametrize(("to", "last_step"), [("gltf", "gltf.Glb.save"), ("obj", "obj._write_materials")])
 def test_a_full_disk_leaves_nothing(world: World, monkeypatch: pytest.MonkeyPatch, to: str, last_step: str) -> None:
     def fill(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -106,7 +106,7 @@ def test_a_form_names_the_extra_of_a_missing_library(world: World, monkeypatch: 
 
 
 def test_a_scene_larger_than_a_glb_file_can_be_is_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(glb, "LARGEST", 500_000)
+    monkeypatch.setattr("fieldtruth.interchange.gltf.LARGEST", 500_000)
     with pytest.raises(OutputError, match=r"^the scene is larger than a GLB file can be .*; use --no-beyond$"):
         write_scene(world, "new.glb", to="gltf")
     assert list(Path().iterdir()) == []

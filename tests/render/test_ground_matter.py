@@ -27,9 +27,9 @@ from fieldtruth.render.materials import (
     sun_factors,
     wet_albedo,
 )
+from fieldtruth.sense.lens import pinhole
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.world.model import World
 from fieldtruth.world.textures import make_texture

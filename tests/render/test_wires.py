@@ -15,9 +15,9 @@ from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.lens import pinhole, ray_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
-from fieldtruth.sensors.camera.labels import pinhole, ray_table
 from fieldtruth.world.power_lines import CONDUCTOR_RADIUS, hang, make_cable
 
 PIXELS, FOCAL = 160, 300.0

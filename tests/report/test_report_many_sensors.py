@@ -17,7 +17,7 @@ from report_pages import Page, changed, page_of, words
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.geometry import read_static_frames, read_trajectory
+from fieldtruth.bag.geometry import read_static_frames
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
@@ -180,7 +180,7 @@ def test_page_has_the_calibration_of_every_camera(page: Page) -> None:
 
 def test_cloud_has_the_points_of_each_lidar_in_the_world(page: Page, many_run: Path) -> None:
     run = open_run(many_run)
-    trajectory, static = read_trajectory(run), read_static_frames(run)
+    trajectory, static = run.trajectory, read_static_frames(run)
     found = accumulate_scans(run, trajectory)
     assert found is not None
     assert [name for name, _ in found.parts] == list(CLOUDS)

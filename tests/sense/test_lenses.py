@@ -12,9 +12,10 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
 from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE, View, new_batch, set_directions
+from fieldtruth.sense.lens import pinhole, ray_table
 from fieldtruth.sensors.camera.check_geometry import pixel_ray
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.labels import LabelCamera, pinhole, ray_table
+from fieldtruth.sensors.camera.labels import LabelCamera
 
 WIDTH, HEIGHT = 640, 360
 BARREL = (-0.28, 0.09, 0.001, -0.0007, -0.01)

@@ -13,7 +13,6 @@ from changed_bags import rewritten
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.geometry import read_trajectory
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
@@ -79,7 +78,7 @@ def test_bytes_depend_neither_on_workers_nor_on_the_extras(runs: dict[str, Path]
 def test_flow_in_the_bag_leads_to_the_next_recorded_image(runs: dict[str, Path], name: str) -> None:
     """With depth and poses of the bag, and the pinhole's formula written out."""
     run = open_run(runs[name])
-    imager, trajectory = run.rig.imagers[0], read_trajectory(run)
+    imager, trajectory = run.rig.imagers[0], run.trajectory
     depths, flows, ids = (images(runs[name], part) for part in ("depth", "flow", "instances"))
     stamps, lens = sorted(flows), imager.config.projection
     assert len(stamps) == 15 if name == "one" else 3 < len(stamps) < 14

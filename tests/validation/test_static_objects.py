@@ -12,10 +12,10 @@ from changed_bags import failures, in_latched_form
 from record_fakes import FakeEngine, make_experiment, make_world
 from rosbags.rosbag1 import Reader
 
-from fieldtruth.annotation.check import check_objects
+from fieldtruth.annotation import check_objects
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import ModelStatesReader, read_objects, read_trajectory
+from fieldtruth.bag.geometry import ModelStatesReader, read_objects, read_poses
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
@@ -97,7 +97,7 @@ def test_readers_find_the_same_objects_and_poses(bags: dict[str, Path]) -> None:
         check_objects(run, make_world())
         with pytest.raises(BagError, match="'tree_2' is at"):
             check_objects(run, make_world(seed=1))
-    tracks = [read_trajectory(run, MODEL_STATES) for run in (one, other)]
+    tracks = [read_poses(run, MODEL_STATES).trajectory for run in (one, other)]
     np.testing.assert_array_equal(tracks[0].position, tracks[1].position)
 
 

@@ -10,15 +10,16 @@ import struct
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
+from math import ceil, floor
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BagError, BagFile
 from fieldtruth.bag.reader import Decoder, RawMessage, Storage, decoder, open_bag
 from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
@@ -162,10 +163,27 @@ class RecordedPoses(NamedTuple):
     frame: str
     """Frame whose poses they are, as odometry states it; empty where nothing does."""
 
+    def recorded_at(self, stamp_ns: int) -> int:
+        """Stamp in the bag [ns] of the first pose at or after a stamp [ns]."""
+        return int(self.recorded_ns[np.searchsorted(self.trajectory.stamps_ns, stamp_ns)])
 
-def read_trajectory(run: BagFile, topic: str | None = None) -> Trajectory:
-    """Read the true poses of base_link; arguments and errors are those of ``read_poses``."""
-    return read_poses(run, topic).trajectory
+    def stamps(self, sensor: str, rate_hz: float, sweep_ns: int = 0) -> Counts:
+        """Return the stamps [ns] k / rate, k > 0, for which there are poses up to ``sweep_ns`` later.
+
+        Raises:
+            BagError: there are no such stamps.
+        """
+        first, last = (int(self.trajectory.stamps_ns[i]) for i in (0, -1))
+        period = Fraction(10**9) / Fraction(rate_hz)
+        numbers = range(max(1, ceil(first / period) - 1), floor(last / period) + 2)  # stamps are rounded up or down
+        rounded = [round(k * period) for k in numbers]
+        stamps: Counts = np.array([stamp for stamp in rounded if first <= stamp <= last - sweep_ns], np.int64)
+        if not len(stamps):
+            raise BagError(
+                f"{self.topic} has poses from {first / 1e9:.3f} s to {last / 1e9:.3f} s; "
+                f"no {sensor} stamp (a multiple of {float(period) / 1e9:g} s) lies between them"
+            )
+        return stamps
 
 
 def read_poses(
@@ -201,13 +219,13 @@ def read_poses(
     with open_bag(run.bag) as bag:
         found = bag.messages([topic]) if advance is None else timed(bag.messages(), advance, run.start_ns)
         messages = (raw for raw in found if raw.topic == topic)
-        for raw, pose in _robots(messages, robot) if of_models else _odometry(messages, decoder(bag)):
-            stamps.append(pose.stamp_ns)
+        for raw, stamp, pose, own in _robots(messages, robot) if of_models else _odometry(messages, decoder(bag)):
+            stamps.append(stamp)
             recorded.append(raw.stamp_ns)
-            rows.extend(pose.values)
-            if frame not in ("", pose.frame):
-                raise BagError(f"{topic} must have poses of one frame, got {frame!r} and {pose.frame!r}")
-            frame = pose.frame
+            rows.extend(pose)
+            if frame not in ("", own):
+                raise BagError(f"{topic} must have poses of one frame, got {frame!r} and {own!r}")
+            frame = own
         recorded_ns, values = np.frombuffer(recorded, np.int64), np.frombuffer(rows).reshape(-1, 7)
         index = bag.index([topic])[topic]
         stamps_ns = given_stamps(np.frombuffer(stamps, np.int64), recorded_ns, topic, run.bag)
@@ -218,15 +236,11 @@ def read_poses(
     return RecordedPoses(topic, trajectory, recorded_ns[order], frame)
 
 
-class _Pose(NamedTuple):
-    """A recorded pose: stamp [ns], x, y, z [m] and quaternion (x, y, z, w) in the world, and its frame."""
-
-    stamp_ns: int
-    values: Sequence[float]
-    frame: str
+_Pose = tuple[RawMessage, int, Sequence[float], str]
+"""Message, stamp [ns], x, y, z [m] and quaternion (x, y, z, w) in the world, and the frame that is there."""
 
 
-def _odometry(messages: Iterable[RawMessage], decode: Decoder) -> Iterator[tuple[RawMessage, _Pose]]:
+def _odometry(messages: Iterable[RawMessage], decode: Decoder) -> Iterator[_Pose]:
     for raw in messages:
         message = decode(raw)
         try:
@@ -234,16 +248,16 @@ def _odometry(messages: Iterable[RawMessage], decode: Decoder) -> Iterator[tuple
             stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
         except AttributeError as error:
             raise BagError(f"{raw.topic} has a different definition of nav_msgs/Odometry: {error}") from error
-        yield raw, _Pose(stamp, (p.x, p.y, p.z, q.x, q.y, q.z, q.w), frame)
+        yield raw, stamp, (p.x, p.y, p.z, q.x, q.y, q.z, q.w), frame
 
 
-def _robots(messages: Iterable[RawMessage], robot: str) -> Iterator[tuple[RawMessage, _Pose]]:
+def _robots(messages: Iterable[RawMessage], robot: str) -> Iterator[_Pose]:
     """Yield the poses of a model from its first message on."""
     states, spawned = ModelStatesReader(), False
     for raw in messages:
         poses = states.poses(raw.data)
         if spawned := spawned or robot in states.names:
-            yield raw, _Pose(raw.stamp_ns, poses[states.row(raw.data, robot)].tolist(), "")
+            yield raw, raw.stamp_ns, poses[states.row(raw.data, robot)].tolist(), ""
     if not spawned:
         known = nearest_first(robot, states.names)[:_LISTED]
         raise UnknownNameError(f"model in {table.MODEL_STATES}", robot, known)
@@ -430,7 +444,7 @@ class Calibration:
 
     @cached_property
     def static(self) -> StaticFrames:
-        """The fixed frames."""
+        """The fixed frames; raises as ``read_static_frames``."""
         return read_static_frames(self._run)
 
 

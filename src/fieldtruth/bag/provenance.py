@@ -16,8 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from fieldtruth.bag.file import BagError
-from fieldtruth.bag.run import MADE_BY
+from fieldtruth.bag.file import MADE_BY, BagError
 from fieldtruth.core.files import write_atomically
 from fieldtruth.sense.embree import processor
 

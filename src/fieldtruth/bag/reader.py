@@ -22,8 +22,8 @@ from rosbags.rosbag1 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.bag.file import MCAP, BagError, Layout, Ros1File, StoredFile, first_bytes, read_errors
-from fieldtruth.bag.ros2 import DatabaseFile, is_database
+from fieldtruth.bag.file import MCAP, BagError, Layout, Ros1File, StoredFile, first_bytes, is_database, read_errors
+from fieldtruth.bag.ros2 import DatabaseFile
 from fieldtruth.bag.topics import ODOMETRY, standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError

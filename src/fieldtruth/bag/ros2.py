@@ -201,11 +201,6 @@ _CHUNK: Final = 4 * 2**20
 """Bytes that a chunk of a database has on average."""
 
 
-def is_database(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2 other than an MCAP file."""
-    return path.suffix == ".db3" or (path / "metadata.yaml").is_file()
-
-
 @dataclass(frozen=True)
 class DatabaseLayout(Ros2Layout):
     """Chunks of a database: spans of time, whose position is their first stamp."""

@@ -16,22 +16,14 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bag_file import CARD as CARD
-from fieldtruth.bag.bag_file import EXPERIMENT as EXPERIMENT
-from fieldtruth.bag.bag_file import MADE_BY as MADE_BY
-from fieldtruth.bag.bag_file import TRACK as TRACK
-from fieldtruth.bag.bag_file import BagFile, experiment_of
-from fieldtruth.bag.bag_file import find_bag as find_bag
 from fieldtruth.bag.decode import points, stamp_ns
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import BagError, BagFile, experiment_of, find_bag
 from fieldtruth.bag.geometry import (
     Calibration,
     Poses,
-    StaticFrames,
     Trajectory,
     pose_topic,
-    read_static_frames,
-    read_trajectory,
+    read_poses,
 )
 from fieldtruth.bag.reader import Storage, decoder, open_bag
 from fieldtruth.bag.readings import Readings, Stream, read_streams, warn_of_intensity
@@ -126,12 +118,6 @@ def _rate(run: BagFile, topic: str) -> float | None:
     return (count - 1) / run.duration_s if count > 2 and run.duration_s > 0.0 else None
 
 
-ASSUMED: Final = (
-    "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; rates, "
-    "sizes of images and clouds, and frames are measured from the bag"
-)
-
-
 class Run(BagFile):
     """A bag whose sensors are read by name: ``run["lidar"][3].xyz``, ``run["stereo/left"].at(stamp_ns).photo``.
 
@@ -149,7 +135,12 @@ class Run(BagFile):
     @property
     def assumed(self) -> str:
         """What is assumed of a bag that has no experiment.yaml beside it; else empty."""
-        return "" if self.experiment is not None else ASSUMED
+        if self.experiment is not None:
+            return ""
+        return (
+            "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; "
+            "rates, sizes of images and clouds, and frames are measured from the bag"
+        )
 
     @cached_property
     def sensors(self) -> Mapping[str, Source]:
@@ -163,7 +154,7 @@ class Run(BagFile):
         Raises:
             BagError: the bag has none, or is damaged, or their stamps do not rise.
         """
-        return read_trajectory(self)
+        return read_poses(self).trajectory
 
     @cached_property
     def poses(self) -> Poses:
@@ -175,15 +166,6 @@ class Run(BagFile):
     def has_poses(self) -> bool:
         """Whether the bag has true poses."""
         return table.ODOMETRY in self.counts or table.MODEL_STATES in self.counts
-
-    @cached_property
-    def static(self) -> StaticFrames:
-        """Fixed frames.
-
-        Raises:
-            BagError: the bag has no /tf_static, or is damaged.
-        """
-        return read_static_frames(self)
 
     @cached_property
     def calibration(self) -> Calibration:

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import MCAP, BagError, first_bytes
+from fieldtruth.bag.decode import UNIT
+from fieldtruth.bag.file import MCAP, BagError, first_bytes, is_database
 from fieldtruth.bag.geometry import StaticFrames, Trajectory, read_poses, seconds
 from fieldtruth.bag.messages import rig_transforms
-from fieldtruth.bag.ros2 import is_database
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
@@ -32,8 +32,6 @@ LARGEST_STEP_NS: Final = 500_000_000
 """A longer time [ns] between two poses is reported."""
 MAX_SPEED: Final = 100.0
 """Highest speed [m/s] between two poses; above it are other units, a reset of the simulation, or a teleport."""
-_UNIT: Final = 0.01
-"""Largest deviation of a quaternion's length from 1; below it the file is rounded, above it something else."""
 _VALUES: Final = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _STAMPS: Final = {"t": 9, "stamp": 9, "stamp_ns": 0}
 """Names of a CSV file's column of stamps, and the power of ten to nanoseconds."""
@@ -231,7 +229,7 @@ def _checked(name: str, frame: str, stamps: Counts, values: Array, where: Callab
         now, before = stamps[row] / 1e9, stamps[row - 1] / 1e9
         raise TrackError(f"{name}: {where(row)}: stamps must rise, got {now:.9f} s after {before:.9f} s")
     lengths = np.linalg.norm(values[:, 3:], axis=1)
-    unit = np.abs(lengths - 1.0) <= _UNIT
+    unit = np.abs(lengths - 1.0) <= UNIT
     if not unit.all():
         row = int(np.argmin(unit))
         raise TrackError(f"{name}: {where(row)}: the quaternion must have the length 1, got {lengths[row]:.4g}")

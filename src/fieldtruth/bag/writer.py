@@ -27,6 +27,7 @@ from rosbags.rosbag1 import Reader, Writer
 from rosbags.rosbag1.reader import Header, RecordType
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
 
+from fieldtruth.bag.file import ChunkInfo
 from fieldtruth.bag.messages import STORE
 from fieldtruth.core.cache import add_seal
 from fieldtruth.core.errors import OutputError
@@ -37,15 +38,6 @@ CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks co
 COPY_SIZE: Final = 8 * 2**20  # [byte]
 _MAGIC: Final = b"#ROSBAG V2.0\n"
 _PADDING: Final = 8  # [byte]
-
-
-class Chunk(NamedTuple):
-    """A chunk of a bag: position, stamps [ns] of its first and last message, number of messages by connection."""
-
-    position: int
-    start_ns: int
-    end_ns: int
-    counts: dict[int, int]
 
 
 class BagWriter:
@@ -116,7 +108,7 @@ class BagWriter:
             full = chunks[-2]
             full.connections = _counts({number: len(rows) for number, rows in full.connections.items()})
 
-    def append(self, path: Path) -> list[Chunk]:
+    def append(self, path: Path) -> list[ChunkInfo]:
         """Add a bag that was written for the same topics: its chunks are copied unchanged, and returned.
 
         Chunks and their message indices hold no absolute positions; only the index at the end does, and is rebuilt.
@@ -130,17 +122,17 @@ class BagWriter:
             shift = writer.bio.tell() - first
             _copy(source, writer.bio, first, _index_position(source))
             copied = [
-                Chunk(info.pos + shift, info.start_time, info.end_time - 1, dict(info.connection_counts))
+                ChunkInfo(info.pos + shift, info.start_time, info.end_time - 1, dict(info.connection_counts))
                 for info in reader.chunk_infos
             ]
         self._enter(copied)
         return copied
 
-    def _enter(self, chunks: Sequence[Chunk]) -> None:
+    def _enter(self, chunks: Sequence[ChunkInfo]) -> None:
         """Add chunks that are in the file to its index."""
         known = self._writer.chunks
         known.pop()  # it is empty, or holds only the list of topics, which each bag has
-        known += [WriteChunk(BytesIO(), c.position, c.start_ns, c.end_ns, _counts(c.counts)) for c in chunks]
+        known += [WriteChunk(BytesIO(), c.pos, c.start_ns, c.end_ns, _counts(c.counts)) for c in chunks]
         known.append(WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list)))
 
     def __exit__(
@@ -215,7 +207,7 @@ class _Copy(NamedTuple):
     start: int
     end: int
     crc: int
-    chunks: list[Chunk]
+    chunks: list[ChunkInfo]
 
 
 class GrowingBag(BagWriter):
@@ -302,8 +294,8 @@ def _intact_copies(path: Path, journal: Path) -> Iterator[_Copy]:
             yield _Copy(start, end, content, [_chunk(*chunk) for chunk in chunks])
 
 
-def _chunk(position: int, start_ns: int, end_ns: int, counts: dict[str, int]) -> Chunk:
-    return Chunk(position, start_ns, end_ns, {int(number): count for number, count in counts.items()})
+def _chunk(position: int, start_ns: int, end_ns: int, counts: dict[str, int]) -> ChunkInfo:
+    return ChunkInfo(position, start_ns, end_ns, {int(number): count for number, count in counts.items()})
 
 
 def _crc(file: BinaryIO, start: int, end: int) -> int:

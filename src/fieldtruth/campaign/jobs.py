@@ -17,8 +17,9 @@ from typing import Any, Final
 
 import fieldtruth
 from fieldtruth.bag.decode import count_messages
+from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.bag.run import EXPERIMENT, open_run
+from fieldtruth.bag.run import open_run
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.estimate import CACHED, Stages, end_with_parent
 from fieldtruth.campaign.state import FAILURE, MANIFEST, Failure, Manifest, digest_of, failure_of, state_of

@@ -4,6 +4,7 @@
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -75,6 +76,11 @@ def read_data(name: str, given: Any) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"{name}: must be the path of a YAML file or a mapping, got {given!r:.60}")
     return dict(given)
+
+
+def package_data(package: str, name: str) -> dict[str, Any]:
+    """Return the mapping in a YAML file of a package: its texts or tables."""
+    return parse_mapping(resources.files(package).joinpath(name).read_text(encoding="utf-8"), name)
 
 
 def write_mapping(data: Mapping[str, object]) -> str:

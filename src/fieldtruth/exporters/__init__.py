@@ -21,6 +21,7 @@ from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters.frames import Member, find_members
 from fieldtruth.ontology import OWN, LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
@@ -60,56 +61,12 @@ def _read(name: str, given: Any) -> Format:
     return row._replace(module=module.__name__)
 
 
-_DATA_SET: Final = Format("", "", "", relabels=True, joins=True, publishes=True)
 FORMATS: Final[Registry[Format]] = Registry(
     "format",
     "formats",
     ".py",
     _read,
-    {
-        "files": Format(
-            "files", "_files", "PNG, CSV, text files and class shares, as the paper publishes them", relabels=True
-        ),
-        "zip": Format("zipped", ".zip", "the bag, compressed, with its SHA-256"),
-        "semantickitti": Format(
-            "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
-        ),
-        "kitti": Format(
-            "kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", moves=True, joins=True
-        ),
-        "kitti-object": Format(
-            "kitti_object", "_kitti_object", "KITTI's object detection: boxes of all visible objects"
-        ),
-        "tum": Format("tum", ".tum", "the true trajectory as a text file", moves=True),
-        "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
-        "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
-        "occupancy": Format("occupancy", "_occupancy.npz", "the world's surfaces as voxels with classes"),
-        "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
-        "webdataset": _DATA_SET._replace(
-            module="webdataset", suffix="_webdataset", description="tar files of frames for training, with splits"
-        ),
-        "huggingface": _DATA_SET._replace(
-            module="huggingface",
-            suffix="_huggingface",
-            description="Parquet with a card and Croissant metadata, for Hugging Face's datasets",
-            library="pyarrow",
-        ),
-        "mmseg": _DATA_SET._replace(
-            module="mmseg", suffix="_mmseg", description="MMSegmentation's layout with a configuration file"
-        ),
-        "slam-configs": Format(
-            "slam_configs",
-            "_slam",
-            "configuration files of KISS-ICP, RKO-LIO, LIO-SAM, FAST-LIO2, OpenVINS and ORB-SLAM3",
-            moves=True,
-        ),
-        "stereo-depth": Format(
-            "stereo_depth",
-            "_stereo_depth",
-            "depth from matching the photographs of a pair, with its errors",
-            library="cv2",
-        ),
-    },
+    {name: Format(**row) for name, row in package_data("fieldtruth.exporters", "formats.yaml").items()},
 )
 
 
@@ -285,6 +242,3 @@ def _runs_for(to: str, paths: Sequence[Path | str]) -> list[Run]:
     if twice := next((run.bag for run, bag in zip(runs, bags, strict=True) if bags.count(bag) > 1), None):
         raise OutputError(f"{twice} is given twice; each run can be one sequence")
     return runs
-
-
-__all__ = ["FORMATS", "Format", "LabelMap", "Options", "Run", "export"]

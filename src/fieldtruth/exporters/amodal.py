@@ -18,7 +18,7 @@ from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sensors.camera.labels import pinhole, ray_table
+from fieldtruth.sense.lens import pinhole, ray_table
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Instance, World

@@ -36,6 +36,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.readings import Image
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
 from fieldtruth.exporters.frames import with_photo
@@ -45,16 +46,8 @@ from fieldtruth.world.boxes import named_objects, object_box
 _PARTS: Final = ("photo", "label", "instance")
 _LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
 _SUPERCATEGORIES: Final = {
-    label: above
-    for above, labels in {
-        "terrain": (Label.GROUND, Label.TRAIL, Label.ROCK),
-        "vegetation": (Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS),
-        "structure": (Label.LAMP_POST, Label.TRASH_BIN, Label.TABLE, Label.BENCH, Label.POST, Label.CABLE),
-        "water": (Label.WATER,),
-        "sky": (Label.SKY,),
-        "robot": (Label.ROBOT,),
-        "air": (Label.PARTICLE,),
-    }.items()
+    Label[label]: above
+    for above, labels in package_data("fieldtruth.exporters", "coco.yaml")["supercategories"].items()
     for label in labels
 }
 STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS

@@ -25,16 +25,18 @@ from numpy.typing import NDArray
 import fieldtruth
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import Lens, read_objects, read_trajectory
+from fieldtruth.bag.geometry import Lens, read_objects, read_poses
 from fieldtruth.bag.messages import JOINTS
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source, sources_of
+from fieldtruth.core import readings as kinds
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.png import encode_png, ids_png
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Joints, Message, Odometry, Reading, WheelSpeeds
+from fieldtruth.core.readings import Cloud, Image, Joints, Message, Odometry, Reading, WheelSpeeds
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
@@ -48,11 +50,8 @@ CALIBRATION: Final = "calibration.yaml"
 OBJECTS: Final = "instances.csv"
 _POSES: Final = (table.MODEL_STATES, table.ODOMETRY)
 """Topics of the true poses."""
-_PER_RUN: Final = {
-    CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
-    OBJECTS: "columns id,name: the objects in the instance images",
-    SHEET: "number of pixels and points of each class, with their shares and a chart",
-}
+_TEXTS: Final = package_data("fieldtruth.exporters", "files.yaml")
+"""Tables of the files with a line, and of the folders with a file per message, and paragraphs of the README."""
 Row = Callable[[Any], tuple[Any, ...]]
 """Returns the values of a message."""
 
@@ -77,7 +76,8 @@ class TextFile(NamedTuple):
     columns: str
     """Names of the columns, in order; the first is the stamp."""
     about: str
-    row: Row
+    row: Row | None
+    """None for the true poses."""
 
 
 class _Encoded(NamedTuple):
@@ -117,7 +117,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     writers = [*_image_writers(run, options.label_map), *_text_writers(run, all_texts)]
     counts = _write_readings(run, writers, suffixes, target, options)
     for text in all_texts:
-        if text.topic in run.counts and text.topic in _POSES:
+        if text.topic in run.counts and text.row is None:
             with (target / text.path).open("w", encoding="ascii", newline="\n") as file:
                 file.writelines(pose_lines(run, text.topic))
     per_run = _write_per_run(run, target, counts, options.label_map)
@@ -181,7 +181,7 @@ def _opened(path: Path) -> TextIO:
 
 def _text_writers(run: Run, texts: Sequence[TextFile]) -> Iterator[_Writer]:
     for text in texts:
-        if text.topic in run.counts and text.topic not in _POSES:
+        if text.topic in run.counts and text.row is not None:
             yield _Writer(run.messages(text.topic), partial(_line, text.row), text.path)
 
 
@@ -265,45 +265,8 @@ def _joints(message: Any) -> tuple[float, ...]:
     )
 
 
-_QUATERNION: Final = [f"orientation.{axis}" for axis in "xyzw"]
-_VECTORS: Final = [f"{vector}.{axis}" for vector in ("angular_velocity", "linear_acceleration") for axis in "xyz"]
-_POSE: Final = attrgetter(*(f"pose.pose.{each}" for each in ("position.x", "position.y", "position.z", *_QUATERNION)))
-_POSE_COLUMNS: Final = "t_ns x y z qx qy qz qw"
-_TEXTS: Final[Mapping[type[Reading], tuple[str, str, str, Row]]] = {
-    Inertial: (
-        "{file}_data.txt",
-        "t_ns qx qy qz qw wx wy wz ax ay az",
-        "orientation (unit quaternion from {frame} to the world), angular velocity [rad/s] and specific force"
-        " [m/s^2] (9.81 upwards at rest), both in {frame}",
-        attrgetter(*_QUATERNION, *_VECTORS),
-    ),
-    Fix: (
-        "{file}_data.txt",
-        "t_ns latitude longitude altitude",
-        "position of the antenna ({frame}): degrees, degrees, metres above the WGS 84 ellipsoid",
-        attrgetter("latitude", "longitude", "altitude"),
-    ),
-    WheelSpeeds: (
-        "tacho_data/{part}.txt",
-        "t_ns speed",
-        "speed of the {words} wheel [rad/s]",
-        lambda message: (np.float32(message.data),),
-    ),
-    Joints: (
-        "joint_states.txt",
-        "t_ns fl fr rl rr fl_speed fr_speed rl_speed rr_speed",
-        "angles [rad] and speeds [rad/s] of the wheels, positive forwards: front left, front right, rear left, rear "
-        "right{missing}",
-        _joints,
-    ),
-    Odometry: (
-        "wheel_odometry.txt",
-        _POSE_COLUMNS,
-        "pose of base_link by dead reckoning from the wheels, in the frame odom: where base_link was at time 0",
-        _POSE,
-    ),
-}
-"""Path, columns, description and values of text files by type of the readings, in their order."""
+_ROWS: Final[Mapping[type[Reading], Row]] = {WheelSpeeds: lambda message: (np.float32(message.data),), Joints: _joints}
+"""Values of messages that are not fields of them."""
 
 
 def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
@@ -312,9 +275,11 @@ def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
     missing = "" if robot.caster is None else "; nan: the robot does not have this wheel"
     outputs = [output for sensor in run.rig.sensors for output in sensor.outputs_on(robot)]
     possible = {topic.name for output in outputs for topic in output.topics}
-    for kind, (path, columns, about, row) in _TEXTS.items():
-        for source in sources:
-            for part, topic in source.topics.items() if source.type is kind else ():
+    for row in _TEXTS["texts"]:
+        kind = getattr(kinds, row["reading"])
+        values = attrgetter(*row["values"]) if "values" in row else _ROWS[kind]
+        for source in (each for each in sources if each.type is kind):
+            for part, topic in source.topics.items():
                 if topic not in possible:
                     continue  # of a wheel that the robot lacks
                 words = {
@@ -324,31 +289,19 @@ def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
                     "words": part.replace("_", " "),
                     "missing": missing,
                 }
-                msgtype = source.msgtypes[topic]
-                yield TextFile(topic, msgtype, path.format(**words), columns, about.format(**words), row)
-            if source.type is kind is Odometry:
-                about_commands = "commanded speed [m/s] and turn rate [rad/s]"
-                values = attrgetter("linear.x", "angular.z")
-                yield TextFile(
-                    table.COMMANDS,
-                    "geometry_msgs/msg/Twist",
-                    "commands.txt",
-                    "t_ns speed turn_rate",
-                    about_commands,
-                    values,
-                )
+                path, about = (row[key].format(**words) for key in ("path", "about"))
+                yield TextFile(topic, source.msgtypes[topic], path, row["columns"], about, values)
+            if kind is Odometry:
+                speeds = attrgetter("linear.x", "angular.z")
+                yield TextFile(table.COMMANDS, "geometry_msgs/msg/Twist", **_TEXTS["commands"], row=speeds)
     topic = next(topic for topic in _POSES if topic in run.counts or topic == _POSES[-1])
     msgtype = {table.MODEL_STATES: "gazebo_msgs/msg/ModelStates", table.ODOMETRY: "nav_msgs/msg/Odometry"}[topic]
-    about = (
-        "true pose of base_link in the world: x north, y west, z up [m], and the unit quaternion that rotates vectors "
-        "from base_link to the world"
-    )
-    yield TextFile(topic, msgtype, "pose_ground_truth.txt", _POSE_COLUMNS, about, _POSE)
+    yield TextFile(topic, msgtype, **_TEXTS["truth"], row=None)
 
 
 def pose_lines(run: Run, topic: str) -> Iterator[str]:
     """Lines of the true poses of a topic."""
-    poses = read_trajectory(run, topic)
+    poses = read_poses(run, topic).trajectory
     rows = np.concatenate([poses.position, poses.quaternion_wxyz[:, [1, 2, 3, 0]]], axis=1).tolist()
     return (line(stamp, tuple(row)) for stamp, row in zip(poses.stamps_ns.tolist(), rows, strict=True))
 
@@ -356,79 +309,18 @@ def pose_lines(run: Run, topic: str) -> Iterator[str]:
 # ---------------------------------------------------------------------------------------------------------------------
 # Folders and their description
 
-_FOLDERS: Final[Mapping[type[Reading], Sequence[tuple[str, str, str, str]]]] = {
-    Image: (
-        ("photo", "img_{name}", ".png", "photographs of the {name} camera, RGB"),
-        ("label", "img_{name}_tag", ".png", "tag images: each pixel in the flat colour of its class"),
-        ("label", "img_{name}_label_id", ".png", "tag images as {map} ids, grey, 8 bits"),
-        ("label", "img_{name}_label_color", ".png", "tag images in {map}'s colours, RGB"),
-        (
-            "depth",
-            "depth_{name}",
-            ".png",
-            "depth along the optical axis in millimetres, grey, 16 bits; 0: no surface, or beyond 65.535 m",
-        ),
-        (
-            "depth",
-            "depth_{name}_raw",
-            ".npy",
-            "depth in metres as in the bag, float32, infinite where no surface is: numpy.load(path)",
-        ),
-        (
-            "instance",
-            "instances_{name}",
-            ".png",
-            "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
-        ),
-        (
-            "normal",
-            "normals_{name}",
-            ".png",
-            "unit normals towards the camera in its optical frame (x right, y down, z forward), RGB, 16 bits: "
-            "(sample - 32768) / 32767; 0 0 0: sky",
-        ),
-        (
-            "flow",
-            "flow_{name}",
-            ".png",
-            "optical flow to the next image in pixels, KITTI's RGB, 16 bits: to the right (R - 32768) / 64, down "
-            "likewise of G; B = 0: outside the next image, hidden there, or 512 pixels or more",
-        ),
-        (
-            "flow",
-            "flow_{name}_raw",
-            ".flo",
-            "optical flow as in the bag, Middlebury's .flo, float32: above 1e9 where it is not known",
-        ),
-    ),
-    Cloud: (
-        (
-            "main",
-            "{name}",
-            ".csv",
-            "columns x,y,z,reflectivity: metres in {frame} (x forward, y left, z up), and the {intensity}",
-        ),
-        (
-            "main",
-            "{name}_label",
-            ".label",
-            "{map} id of each line of {name}/, uint32, little-endian: numpy.fromfile(path, '<u4')",
-        ),
-    ),
-}
-"""Part, path, ending and description of the folders by type of the readings; those with {map} are of a label map."""
-
 
 def folders(sources: Collection[Source], label_map: LabelMap | None) -> Iterator[Folder]:
     """Folders of all topics that a run with these sensors may have."""
-    for kind, rows in _FOLDERS.items():
-        for source in (each for each in sources if each.type is kind):
+    for kind, rows in _TEXTS["folders"].items():
+        for source in (each for each in sources if each.type is getattr(kinds, kind)):
             words = {"name": source.label, "frame": source.frame, "map": label_map and label_map.name}
             words["intensity"] = "class id" if intensity_is_class(source) else "reflectivity, 1 for a white surface"
-            for part, path, suffix, about in rows:
-                if label_map is not None or "{map}" not in about:
-                    topic = source.topics[part]
-                    yield Folder(topic, source.msgtypes[topic], path.format(**words), suffix, about.format(**words))
+            for row in rows:
+                if label_map is not None or "{map}" not in row["about"]:
+                    topic = source.topics[row["part"]]
+                    path, about = (row[key].format(**words) for key in ("path", "about"))
+                    yield Folder(topic, source.msgtypes[topic], path, row["suffix"], about)
 
 
 def readme(
@@ -454,17 +346,17 @@ def readme(
     blocks = [
         f"{run.name}, {run.duration_s:.3f} s, in the format of the paper below.\n"
         f"Written by fieldtruth {fieldtruth.__version__} from {run.bag.name}.",
-        fill(_STAMPS, 110),
+        fill(_TEXTS["stamps"], 110),
         _section("A file per message; <ns> is its stamp", here),
         _section(
             "A line per message; columns are separated by spaces", [(t.path, f"{t.columns}\n{t.about}") for t in texts]
         ),
-        fill(_NUMBERS, 110),
+        fill(_TEXTS["numbers"], 110),
         _section("One file per run", per_run),
         _section("Missing, because the bag does not have the topic", [(each, "") for each in missing]),
         _classes(),
         "" if label_map is None else _other_classes(label_map),
-        _PAPER,
+        _TEXTS["paper"],
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
 
@@ -499,22 +391,6 @@ def _other_classes(label_map: LabelMap) -> str:
     return _section(f"Classes in {label_map.name}", rows)
 
 
-_STAMPS: Final = (
-    "Stamps are integer nanoseconds of simulated time. They name the files and begin each line of text; readings with "
-    "the same stamp were taken at the same instant. They are the stamps of the message headers. Wheel speeds and model "
-    "states have no header: their stamps, and those of headers whose stamp is 0, are the bag's."
-)
-_NUMBERS: Final = (
-    "Text files have no header line; the names of their columns are listed above. Numbers keep every bit of the bag: "
-    "float32 in clouds and wheel speeds, float64 elsewhere."
-)
-_PAPER: Final = (
-    "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo:\n"
-    "Automatically Annotated Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations.\n"
-    "Sensors 2022, 22(15), 5599. https://doi.org/10.3390/s22155599"
-)
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # Files of the whole run
 
@@ -534,7 +410,7 @@ def _write_per_run(
         )
         by_intensity = all(map(intensity_is_class, run.of(Cloud)))
         write_sheet(target / SHEET, run.name, pixels, points, label_map, by_intensity=by_intensity)
-    return [(name, about) for name, about in _PER_RUN.items() if (target / name).exists()]
+    return [(name, about) for name, about in _TEXTS["per_run"].items() if (target / name).exists()]
 
 
 def _objects(run: Run) -> str:
@@ -546,12 +422,6 @@ def _objects(run: Run) -> str:
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Calibration
-
-_CALIBRATION: Final = """\
-# K, R, P, D: as in ROS's CameraInfo [pixel]; (0, 0) is the centre of the first pixel.
-# frames: translation [m] and quaternion of the frame in its parent; base_link_from_frame takes points to base_link.
-# base_link: x forward, y left, z up. Optical frames: x right, y down, z forward.
-"""
 
 
 def calibration_yaml(run: Run) -> str:
@@ -579,7 +449,7 @@ def calibration_yaml(run: Run) -> str:
     if not content:
         return ""
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
-    return _CALIBRATION + text
+    return f"{_TEXTS['calibration']}{text}"
 
 
 def _camera(lens: Lens) -> dict[str, Any]:
@@ -594,7 +464,7 @@ def _camera(lens: Lens) -> dict[str, Any]:
 
 
 def _frames(run: Run) -> dict[str, Any]:
-    static = run.static
+    static = run.calibration.static
     described: dict[str, Any] = {}
     for frame, (parent, parent_from_frame) in static.parents.items():
         wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_frame[:3, :3])

@@ -15,6 +15,7 @@ import xlsxwriter
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.ontology import LabelMap
 
 SHARES: Final = "class shares"
@@ -180,20 +181,9 @@ def _sensors(what: str, count: int, units: str) -> str:
 
 
 def _explanation(columns: Sequence[_Column], point: str) -> list[str]:
-    counted = "; ".join(f"{column.title}: {int(column.counts.sum()):,}" for column in columns)
-    return [
-        f"Counts: {counted}.",
-        f"Sheet '{SHARES}': number of pixels and points of each class, and their share in the column's total.",
-        f"Sheet '{FIGURE}': shares per unit of the classes that occur, as in Figure 21 of the paper below: "
-        "pixels blue, points red.",
-        "The class of a pixel is the class of the surface that a ray through its centre hits; it is read from the tag "
-        "image.",
-        f"The class of a point is the class of the surface that the laser hit; it is the point's {point}. Water "
-        "and sky return no laser pulse.",
-        "Near objects fill more pixels and points than far ones: these are shares of the view, not of the world.",
-        "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo: Automatically Annotated "
-        "Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations. Sensors 2022, 22(15), 5599.",
-    ]
+    counts = "; ".join(f"{column.title}: {int(column.counts.sum()):,}" for column in columns)
+    words = {"counts": counts, "shares": SHARES, "figure": FIGURE, "point": point}
+    return [text.format(**words) for text in package_data("fieldtruth.exporters", "files_sheet.yaml")["explanation"]]
 
 
 def _write_explanation(book: Any, lines: list[str], label_map: LabelMap | None) -> None:

@@ -21,6 +21,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
@@ -32,63 +33,11 @@ _Row = tuple[dict[str, Any], int]
 _GROUP_BYTES: Final = 32 * 10**6
 """Rows are written together up to this size, which is in memory."""
 _IMAGE: Final = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
-_CLASSES: Final = Column("classes", "classes", "the classes that occur")
-_RUN: Final = Column("run", "string", "name of the run")
-_STAMP: Final = Column("stamp_ns", "int64", "simulated time [ns]")
-
-_IMAGE_COLUMNS: Final = (
-    Column("image", "image", "photograph, {formats}, byte for byte as recorded"),
-    Column("mask", "image", "class id of each pixel, PNG, grey, 8 bits"),
-    _CLASSES,
-    _RUN,
-    Column("camera", "string", "{cameras}"),
-    _STAMP,
-    Column("K", "float64[]", "pinhole matrix (3, 3) [pixel], row by row"),
-    Column("world_from_camera", "float64[]", "true pose (4, 4) of the optical frame, row by row"),
-    Column("base_from_camera", "float64[]", "mount (4, 4) of the optical frame, row by row"),
-)
-_LENS_COLUMNS: Final = (
-    Column("distortion_model", "string", "model of the lens, as in ROS's CameraInfo"),
-    Column("D", "float64[]", "coefficients of the lens, as in ROS's CameraInfo"),
-)
-_EXTRA_COLUMNS: Final = {
-    "depth": Column("depth", "image", "depth [m] along the optical axis, TIFF, 32-bit float; infinite in the sky"),
-    "instances": Column(
-        "instances",
-        "image",
-        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky, robot",
-    ),
-    "normals": Column(
-        "normals",
-        "float32[]",
-        "unit normals (h, w, 3) towards the camera in its optical frame, row by row; 0 in the sky",
-    ),
-    "flow": Column(
-        "flow",
-        "float32[]",
-        "optical flow (h, w, 2) [pixel] to the camera's next image, row by row; NaN: not seen there",
-    ),
+_COLUMNS: Final = {
+    table: tuple(Column(**row) for row in rows)
+    for table, rows in package_data("fieldtruth.exporters", "huggingface.yaml").items()
 }
-_CLOUD_COLUMNS: Final = (
-    *(Column(axis, "float32[]", f"{axis} [m] of the returns in the LiDAR's frame") for axis in "xyz"),
-    Column("label", "uint8[]", "class id of each return"),
-    _CLASSES,
-    _RUN,
-    _STAMP,
-    Column("world_from_lidar", "float64[]", "true pose (4, 4) of the LiDAR's frame, row by row"),
-    Column("base_from_lidar", "float64[]", "mount (4, 4) of the LiDAR's frame, row by row"),
-)
-_FIELD_COLUMNS: Final = {
-    "instance": Column("instance", "int32[]", "instance id of each return, as in the images"),
-    "ring": Column("ring", "int32[]", "row of the LiDAR's ray"),
-    "column": Column("column", "int32[]", "column of the LiDAR's ray"),
-    "t": Column("t", "int64[]", "time [ns] of each return after stamp_ns"),
-    "true_range": Column("true_range", "float32[]", "exact range [m] along the middle of each return's beam"),
-    "signal": Column("signal", "float32[]", "photons of each return"),
-    "reflectivity": Column("reflectivity", "float32[]", "reflectivity of each return, 1 for a white surface"),
-    "echo": Column("echo", "int32[]", "number of the echo of its beam, 0 for the nearest"),
-    "mixed": Column("mixed", "int32[]", "1 if surfaces of several classes or objects made the echo"),
-}
+_EXTRAS, _FIELDS = ({column.name: column for column in _COLUMNS[table]} for table in ("extra", "field"))
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -134,10 +83,10 @@ def class_names(labels: LabelMap) -> list[str]:
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
     views = [(member.run, v) for member in members for views in cameras_of(member.run).values() for v in views]
-    found = [_EXTRA_COLUMNS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
+    found = [_EXTRAS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
-    columns = (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if views else ()
-    columns += _LENS_COLUMNS * any(_is_distorted(run, view) for run, view in views)
+    columns = (*_COLUMNS["image"][:2], *found, *_COLUMNS["image"][2:]) if views else ()
+    columns += _COLUMNS["lens"] * any(_is_distorted(run, view) for run, view in views)
     formats = " or ".join(sorted({_format_of(run, view) for run, view in views}))
     return tuple(column._replace(about=column.about.format(cameras=names, formats=formats)) for column in columns)
 
@@ -161,10 +110,10 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     lidars = [(member.run, lidar) for member in members for lidar in member.run.of(Cloud)]
     fields = {field.name for run, lidar in lidars for field in run[lidar.name].message(0).fields}
     fields -= set() if "true_range" in fields else set(MEASURED)  # an ideal Ouster's reflectivity is the class
-    found = [column for name, column in _FIELD_COLUMNS.items() if name in fields]
+    found = [column for name, column in _FIELDS.items() if name in fields]
     names = list(dict.fromkeys(lidar.name for _, lidar in lidars))
     lidar = [Column("lidar", "string", " or ".join(names))] if names != [LIDAR] else []
-    return (*_CLOUD_COLUMNS[:4], *found, *_CLOUD_COLUMNS[4:6], *lidar, *_CLOUD_COLUMNS[6:]) if lidars else ()
+    return (*_COLUMNS["cloud"][:4], *found, *_COLUMNS["cloud"][4:6], *lidar, *_COLUMNS["cloud"][6:]) if lidars else ()
 
 
 def _images(member: Member, options: Options) -> Iterator[_Row]:

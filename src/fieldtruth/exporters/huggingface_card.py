@@ -19,6 +19,7 @@ import yaml
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
@@ -98,10 +99,6 @@ class Table(NamedTuple):
     splits: Mapping[str, Written]
 
 
-def _text(name: str) -> str:
-    return resources.files("fieldtruth.exporters").joinpath(name).read_text(encoding="utf-8")
-
-
 def title_of(members: Sequence[Member]) -> str:
     """Name of the data set: its runs, or if there are many the environments."""
     names = [member.name for member in members]
@@ -137,14 +134,15 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
     """
     content, units = content_of(members)
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    body = Template(_text("huggingface.md")).substitute(
+    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
+    body = Template(text).substitute(
         title=title_of(members),
         content=content,
         units=" and every\n".join(units),
         version=fieldtruth.__version__,
         runs=f"{len(members)} run{'s' * (len(members) != 1)}",
         splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),
-        use="\n".join(_use(table.name, next(iter(table.splits))) for table in tables),
+        use="\n".join(f'{t.name} = load_dataset("FOLDER", "{t.name}", split="{next(iter(t.splits))}")' for t in tables),
         columns="\n\n".join(_columns(table) for table in tables),
         classes=_table(
             ("id", "class", "RGB"), [(k, c.name, " ".join(map(str, c.rgb))) for k, c in sorted(labels.classes.items())]
@@ -201,10 +199,6 @@ def _info(table: Table, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _use(name: str, split: str) -> str:
-    return f'{name} = load_dataset("FOLDER", "{name}", split="{split}")'
-
-
 def _split_rows(tables: Sequence[Table]) -> list[Sequence[object]]:
     return [
         (f"`{table.name}`", split, written.rows, f"{written.file_bytes / 1e6:.1f}")
@@ -237,7 +231,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 
     Licence and responsible-AI properties are known only if fieldtruth generated all runs.
     """
-    fixed = yaml.safe_load(_text("croissant.yaml"))
+    fixed = package_data("fieldtruth.exporters", "croissant.yaml")
     distribution: list[dict[str, Any]] = []
     for table in tables:
         paths = [path for written in table.splits.values() for path in written.files]
@@ -277,83 +271,58 @@ def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Se
     return {f"rai:{key}": value for key, value in values.items()}
 
 
+def _node(kind: str, identifier: str, **values: Any) -> dict[str, Any]:
+    """Return a node of Croissant; its name is the identifier, unless ``name`` is another."""
+    return {"@type": f"cr:{kind}", "@id": identifier, "name": identifier} | values
+
+
 def _file_object(path: Path, folder: Path) -> dict[str, Any]:
     name = path.relative_to(folder).as_posix()
-    return {
-        "@type": "cr:FileObject",
-        "@id": name,
-        "name": name,
-        "contentUrl": name,
-        "contentSize": f"{path.stat().st_size} B",
-        "encodingFormat": _PARQUET,
-        "sha256": sha256_of(path),
-    }
+    size, digest = f"{path.stat().st_size} B", sha256_of(path)
+    return _node("FileObject", name, contentUrl=name, contentSize=size, encodingFormat=_PARQUET, sha256=digest)
 
 
 def _file_set(table: Table) -> dict[str, Any]:
-    name = f"{table.name}-files"
-    return {
-        "@type": "cr:FileSet",
-        "@id": name,
-        "name": name,
-        "description": f"The Parquet files of {table.name}, of all splits.",
-        "encodingFormat": _PARQUET,
-        "includes": f"{table.name}/*.parquet",
-    }
+    about, files = f"The Parquet files of {table.name}, of all splits.", f"{table.name}/*.parquet"
+    return _node("FileSet", f"{table.name}-files", description=about, encodingFormat=_PARQUET, includes=files)
 
 
 def _classes(labels: LabelMap) -> dict[str, Any]:
     """The record set of the classes, whose records are in the metadata."""
-    rows = [
-        {"classes/id": number, "classes/name": name, "classes/rgb": " ".join(map(str, rgb))}
-        for number, (name, rgb) in sorted(labels.classes.items())
-    ]
-    fields = [("id", "sc:Integer"), ("name", "sc:Text"), ("rgb", "sc:Text")]
-    return {
-        "@type": "cr:RecordSet",
-        "@id": "classes",
-        "name": "classes",
-        "description": f"Id, name and colour of each class of {labels.name}.",
-        "dataType": "sc:Enumeration",
-        "key": {"@id": "classes/id"},
-        "field": [
-            {"@type": "cr:Field", "@id": f"classes/{name}", "name": name, "dataType": kind} for name, kind in fields
+    fields = {"id": "sc:Integer", "name": "sc:Text", "rgb": "sc:Text"}
+    return _node(
+        "RecordSet",
+        "classes",
+        description=f"Id, name and colour of each class of {labels.name}.",
+        dataType="sc:Enumeration",
+        key={"@id": "classes/id"},
+        field=[_node("Field", f"classes/{name}", name=name, dataType=kind) for name, kind in fields.items()],
+        data=[
+            {"classes/id": number, "classes/name": name, "classes/rgb": " ".join(map(str, rgb))}
+            for number, (name, rgb) in sorted(labels.classes.items())
         ],
-        "data": rows,
-    }
+    )
 
 
 def _record_set(table: Table) -> dict[str, Any]:
     files = {"fileSet": {"@id": f"{table.name}-files"}}
-    split = {
-        "@type": "cr:Field",
-        "@id": f"{table.name}/split",
-        "name": "split",
-        "description": "train, val or test",
-        "dataType": "sc:Text",
-        "source": files
-        | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
-    }
+    split = _node(
+        "Field",
+        f"{table.name}/split",
+        name="split",
+        description="train, val or test",
+        dataType="sc:Text",
+        source=files | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
+    )
     keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
-    return {
-        "@type": "cr:RecordSet",
-        "@id": table.name,
-        "name": table.name,
-        "key": [{"@id": f"{table.name}/{name}"} for name in keys],
-        "field": [split, *(_field(table.name, column, files) for column in table.columns)],
-    }
+    fields = [split, *(_field(table.name, column, files) for column in table.columns)]
+    return _node("RecordSet", table.name, key=[{"@id": f"{table.name}/{name}"} for name in keys], field=fields)
 
 
-def _field(name: str, column: Column, files: dict[str, Any]) -> dict[str, Any]:
+def _field(table: str, column: Column, files: dict[str, Any]) -> dict[str, Any]:
     source = files | {"extract": {"column": column.name}}
     if column.kind == "image":
         source |= {"transform": {"jsonPath": "bytes"}}
-    return {
-        "@type": "cr:Field",
-        "@id": f"{name}/{column.name}",
-        "name": column.name,
-        "description": column.about,
-        "dataType": _TYPES.get(column.dtype, "sc:Integer"),
-        **({"repeated": True} if column.is_list else {}),
-        "source": source,
-    }
+    values = {"name": column.name, "description": column.about, "dataType": _TYPES.get(column.dtype, "sc:Integer")}
+    repeated = {"repeated": True} if column.is_list else {}
+    return _node("Field", f"{table}/{column.name}", **values, **repeated, source=source)

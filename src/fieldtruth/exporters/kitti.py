@@ -28,6 +28,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views, require_pinholes
 
@@ -83,21 +84,17 @@ def read_geometry(run: Run) -> Geometry:
         BagError: /tf_static or a camera's CameraInfo is missing or invalid, or the views differ in size.
     """
     views, calibration = first_views(run), run.calibration
-    if not has_cameras(run) or _are_panoramas(run):
+    lenses = [calibration.lens(view.name) for view in views if calibration.has_lens(view.name)]
+    if not lenses or any(lens.model == "equirectangular" for lens in lenses):
         base_from_sensor = calibration.base_from(first_lidar(run).name)
         return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
     run.require(table.TF_STATIC, *(view.info for view in views))
     left, right = views[0].name, views[-1].name
     projection = calibration.projection(left), calibration.projection(right)
-    sizes = [(lens.width, lens.height) for lens in (calibration.lens(view.name) for view in views)]
+    sizes = [(lens.width, lens.height) for lens in lenses]
     if len({*sizes}) > 1:
         raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
     return Geometry(projection, calibration.base_from(left), calibration.base_from(first_lidar(run).name))
-
-
-def _are_panoramas(run: Run) -> bool:
-    known = [view.name for view in first_views(run) if run.calibration.has_lens(view.name)]
-    return any(run.calibration.lens(name).model == "equirectangular" for name in known)
 
 
 class Pair(NamedTuple):
@@ -192,36 +189,7 @@ def xyz_and_reflectance(cloud: Cloud) -> NDArray[np.float32]:
 # ---------------------------------------------------------------------------------------------------------------------
 # The format kitti
 
-_README: Final = """\
-# Runs as KITTI odometry sequences
-
-{photographs}
-- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and reflectivity, 0 of a LiDAR
-  without a signal.
-- `sequences/NN/times.txt`: seconds after the sequence's first frame.
-- `sequences/NN/calib.txt`: projections P0 to P3 ({projections}); Tr, from the LiDAR to the {camera}.
-- `poses/NN.txt`: true pose of the {camera} (x right, y down, z forward) relative to its first, 3 x 4 numbers a row.
-
-A frame is a cloud and the photographs with the same stamp; other clouds are left out (the format semantickitti has
-them all). Only if (nearly) no stamps agree, the nearest photographs are used; times and poses are then those of the
-{photograph}.
-
-| sequence | run | frames | first stamp [ns] | most between cloud and photographs |
-|---|---|---|---|---|
-"""
-_PAIR: Final = {
-    "photographs": "- `sequences/NN/image_2`, `image_3`: photographs of the left and right camera (PNG), rectified.",
-    "projections": "P0 = P2 left, P1 = P3 right",
-    "camera": "left camera",
-    "photograph": "left photograph",
-}
-_SINGLE: Final = {
-    "photographs": "- `sequences/NN/image_2`: photographs (PNG), rectified.",
-    "projections": "of one camera, all equal",
-    "camera": "camera",
-    "photograph": "photograph",
-}
-"""Words of the README for runs with and without a pair."""
+_TEXTS: Final = package_data("fieldtruth.exporters", "kitti.yaml")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -246,7 +214,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             cameras = " and ".join(chosen["cameras"])
             choices.append(f"\n{run.name}: LiDAR {chosen['lidar']}, photographs of {cameras}.\n")
     has_pair = any(len(first_views(run)) == 2 for run in runs)
-    text = _README.format(**(_PAIR if has_pair else _SINGLE))
+    text = _TEXTS["readme"].format(**_TEXTS["pair" if has_pair else "single"])
     (target / "README.md").write_text(text + "".join(lines + choices), encoding="utf-8")
 
 

@@ -22,6 +22,7 @@ from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, area, clipped, visible_pixels, world_of_run
 from fieldtruth.exporters.frames import first_lidar
@@ -41,22 +42,7 @@ from fieldtruth.world.model import World
 
 _LARGELY, _PARTLY = 0.4, 0.8
 """Visible shares of a silhouette below which an object is largely (2) or partly (1) occluded."""
-
-_README: Final = """\
-# A run as KITTI's object detection
-
-- `training/image_2`: photographs (PNG); `training/velodyne`: clouds, float32 x, y, z [m] and reflectivity.
-- `training/calib`: P0 to P3, R0_rect, Tr_velo_to_cam, Tr_imu_to_velo (the identity: there is no such frame).
-- `training/label_2`: type, truncated, occluded, alpha, bbox (left, top, right, bottom), dimensions (height, width,
-  length) [m], location (x, y, z of the bottom's middle) [m], rotation_y, of each object with a visible pixel.
-- `training/visibility`: instance id, visible share, visible pixels and its name, in the lines of `label_2`.
-- `ImageSets/train.txt`: all frames. `stamps.txt`: frame and stamp [ns].
-
-type is the kind of the object. Boxes are upright in the camera's frame, as KITTI's are, and the smallest around the
-object's mesh with its heading. bbox is that of the whole object, its hidden parts included, cut at the image's border.
-truncated is the share of its area that is cut off. occluded: 0 where at least 80 % of the silhouette inside the image
-are visible, 1 where 40 % are, else 2.
-"""
+_TEXTS: Final = package_data("fieldtruth.exporters", "kitti_object.yaml")
 
 
 class KittiBox(NamedTuple):
@@ -108,7 +94,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / "ImageSets" / "train.txt").write_text("".join(numbers), encoding="ascii")
     lines = [f"{k:06d} {stamp}\n" for k, stamp in enumerate(stamps)]
     (target / "stamps.txt").write_text("".join(lines), encoding="ascii")
-    (target / "README.md").write_text(_README, encoding="utf-8")
+    (target / "README.md").write_text(_TEXTS["readme"], encoding="utf-8")
 
 
 def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:

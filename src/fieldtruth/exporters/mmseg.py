@@ -18,6 +18,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import Label
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import SPLITS, Frames, Member, cameras_of, require_frames
 from fieldtruth.ontology import OWN, LabelMap
@@ -25,50 +26,8 @@ from fieldtruth.ontology import OWN, LabelMap
 IGNORED: Final = 255
 """Train id of pixels without a class; MMSegmentation's ignore_index."""
 CONFIG: Final = "dataset.py"
-
-_HEAD: Final = Template("""\
-# Data set for MMSegmentation 1.x. In a configuration: _base_ = ['.../$config'], then model and schedule.
-#
-# Pixels of ann_dir are train ids 0 to $last, in the order of `classes`; $ignored is ignored in training and evaluation.
-# So reduce_zero_label must be False: 0 is a class. Class ids of $labels by train id: $ids.
-dataset_type = 'BaseSegDataset'
-data_root = '{{ fileDirname }}'
-metainfo = dict(
-    classes=$classes,
-    palette=$palette)
-crop_size = (512, 512)
-
-train_pipeline = [
-    dict(type='LoadImageFromFile'),
-    dict(type='LoadAnnotations'),
-    dict(type='RandomCrop', crop_size=crop_size, cat_max_ratio=0.75),
-    dict(type='RandomFlip', prob=0.5),
-    dict(type='PhotoMetricDistortion'),
-    dict(type='PackSegInputs'),
-]
-test_pipeline = [
-    dict(type='LoadImageFromFile'),
-    dict(type='LoadAnnotations'),
-    dict(type='PackSegInputs'),
-]
-""")
-_LOADER: Final = Template("""
-${split}_dataloader = dict(
-    batch_size=$batch,
-    num_workers=4,
-    persistent_workers=True,
-    sampler=dict(type='$sampler', shuffle=$shuffle),
-    dataset=dict(
-        type=dataset_type,
-        data_root=data_root,
-        data_prefix=dict(img_path='img_dir/$split', seg_map_path='ann_dir/$split'),
-        img_suffix='$suffix',
-        seg_map_suffix='.png',
-        metainfo=metainfo,
-        reduce_zero_label=False,
-        pipeline=$pipeline))
-""")
-_EVALUATOR: Final = Template("${split}_evaluator = dict(type='IoUMetric', iou_metrics=['mIoU'])\n")
+_PARTS: Final = {name: Template(text) for name, text in package_data("fieldtruth.exporters", "mmseg.yaml").items()}
+"""Of the configuration file."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -120,7 +79,7 @@ def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options
 
 def _config(labels: LabelMap, present: Sequence[str], suffix: str) -> str:
     used = _classes(labels)
-    head = _HEAD.substitute(
+    head = _PARTS["head"].substitute(
         config=CONFIG,
         labels=labels.name,
         last=len(used) - 1,
@@ -134,8 +93,8 @@ def _config(labels: LabelMap, present: Sequence[str], suffix: str) -> str:
 
 def _loader(split: str, suffix: str) -> str:
     if split == "train":
-        return _LOADER.substitute(
+        return _PARTS["loader"].substitute(
             split=split, suffix=suffix, batch=4, sampler="InfiniteSampler", shuffle=True, pipeline="train_pipeline"
         )
     values = {"batch": 1, "sampler": "DefaultSampler", "shuffle": False, "pipeline": "test_pipeline"}
-    return _LOADER.substitute(values, split=split, suffix=suffix) + _EVALUATOR.substitute(split=split)
+    return _PARTS["loader"].substitute(values, split=split, suffix=suffix) + _PARTS["evaluator"].substitute(split=split)

@@ -14,30 +14,14 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.readings import Cloud
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, first_lidar, intensity_is_class
 from fieldtruth.ontology import OWN, LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
 """PCD's TYPE by NumPy's dtype kind."""
-_README: Final = """\
-# Clouds of {name}
-
-One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nanoseconds of simulated time.
-{folders}
-- `x y z` [m]: in the LiDAR's frame (x forward, y left, z up).
-- `VIEWPOINT`: the LiDAR's true pose in the world (x north, y west, z up), position [m] and quaternion w x y z. It
-  transforms the points of all clouds into one map.
-- `rgb`: the colour of the class, packed as in PCL (0x00RRGGBB in the bits of a float).
-- `label`: the id of the class, see the table.
-- All other fields are those of the bag. In a run of fieldtruth they are `intensity` ({intensity}),
-  `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
-  `t` [ns] after the stamp. From a LiDAR with a signal also `true_range` [m], `signal` [photon], `reflectivity` (1 for a
-  white surface; an Ouster's in percent), `echo` and `mixed`.
-
-| label | class | red green blue |
-|---|---|---|
-"""
+_TEXTS: Final = package_data("fieldtruth.exporters", "pcd.yaml")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -114,4 +98,4 @@ def _readme(run: Run, labels: LabelMap) -> str:
     folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
     by_class = all(map(intensity_is_class, run.of(Cloud)))
     intensity = "fieldtruth's id of the class" if by_class else "that of the class or the reflectivity"
-    return _README.format(name=run.name, folders=folders, intensity=intensity) + "".join(lines)
+    return str(_TEXTS["readme"]).format(name=run.name, folders=folders, intensity=intensity) + "".join(lines)

@@ -24,6 +24,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views
 from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_cameras, read_geometry, write_cloud, write_motion
@@ -31,16 +32,7 @@ from fieldtruth.ontology import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""
-_HEADER: Final = """\
-# For semantic-kitti-api and networks built on it. sequences/NN/velodyne/*.bin is float32 x, y, z [m] and remission;
-# sequences/NN/labels/*.label is uint32: class in the low, instance id in the high 16 bits.
-# Remission is the reflectivity, 1 of a white surface; 0 of an ideal LiDAR: the class must not be a network's input.
-{photographs}# content is the share of points of the training sequences. Colours are blue, green, red.
-"""
-
-
-_PHOTOGRAPHS: Final = ("", "image_2 are", "image_2 (left) and image_3 (right) are")
-"""Beginning of the line about photographs of no camera, of one and of a pair."""
+_TEXTS: Final = package_data("fieldtruth.exporters", "semantickitti.yaml")
 
 
 class _Written(NamedTuple):
@@ -74,10 +66,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     ]
     description = _description(runs, written, options.labels)
     text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
-    photographs = _PHOTOGRAPHS[max(len(first_views(run)) * has_cameras(run) for run in runs)]
+    photographs = _TEXTS["photographs"][max(len(first_views(run)) * has_cameras(run) for run in runs)]
     if photographs:
         photographs = f"# {photographs} the photographs with the stamp of a cloud, under the cloud's number.\n"
-    (target / "fieldtruth.yaml").write_text(_HEADER.format(photographs=photographs) + text, encoding="utf-8")
+    (target / "fieldtruth.yaml").write_text(_TEXTS["header"].format(photographs=photographs) + text, encoding="utf-8")
 
 
 def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:

@@ -14,7 +14,6 @@ these sensors.
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -28,7 +27,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import parse_mapping, write_mapping
+from fieldtruth.core.yaml_io import package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views
@@ -69,13 +68,7 @@ class LidarFacts(NamedTuple):
     topic: str
     frame: str
     base_from_lidar: Array
-    rate_hz: float
-    rings: int
-    columns: int
-    min_range: float
-    max_range: float
-    """[m]."""
-    pattern: str | None
+    config: Any
     fields: Mapping[str, int]
     """Datatype of each field of its points, as in sensor_msgs/PointField."""
 
@@ -156,20 +149,9 @@ def read_facts(run: Run) -> Facts:
 
 
 def _lidar(run: Run, lidar: Source) -> LidarFacts:
-    config = lidar.config
-    return LidarFacts(
-        name=lidar.name,
-        topic=lidar.topic,
-        frame=run.calibration.frame(lidar.name),
-        base_from_lidar=run.calibration.base_from(lidar.name),
-        rate_hz=config.rate_hz,
-        rings=config.rings,
-        columns=config.columns,
-        min_range=config.min_range,
-        max_range=config.max_range,
-        pattern=config.pattern,
-        fields={field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields},
-    )
+    frame, mount = run.calibration.frame(lidar.name), run.calibration.base_from(lidar.name)
+    fields = {field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields}
+    return LidarFacts(lidar.name, lidar.topic, frame, mount, lidar.config, fields)
 
 
 def _imu(run: Run, imu: Source) -> ImuFacts:
@@ -245,7 +227,7 @@ def lio_sam(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    if lidar.pattern is not None:
+    if lidar.config.pattern is not None:
         return "it orders points by ring and azimuth, which a Livox does not have"
     if lidar.has_short_ring and lidar.has_t:
         sensor = "ouster"
@@ -284,8 +266,8 @@ def fast_lio2(facts: Facts) -> Files | str:
         facts,
         kind=kind,
         unit=unit,
-        rate=round(lidar.rate_hz),
-        fov=90.0 if lidar.pattern == "avia" else 180.0,
+        rate=round(lidar.config.rate_hz),
+        fov=90.0 if lidar.config.pattern == "avia" else 180.0,
         **{key: max(density * density * imu.rate_hz, least) for (key, least), density in pairs},
         **_rotation_and_position(transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar),
     )
@@ -295,8 +277,6 @@ def fast_lio2(facts: Facts) -> Files | str:
 
 def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
     """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
-    name = f"{template}.yaml"
-    text = resources.files("fieldtruth.exporters").joinpath("slam", name).read_text(encoding="utf-8")
 
     def fill(node: Any) -> Any:
         if isinstance(node, dict):
@@ -306,7 +286,7 @@ def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
         found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
         return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
 
-    filled: dict[str, Any] = fill(parse_mapping(text, name))
+    filled: dict[str, Any] = fill(package_data("fieldtruth.exporters", f"slam/{template}.yaml"))
     return filled
 
 
@@ -446,20 +426,7 @@ PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "OpenVINS": open_vins,
     "ORB-SLAM3": orb_slam3,
 }
-
-_README: Final = """\
-Configuration files of SLAM programs for {run}
-
-{sensors}
-{files}"""
-_REPUBLISH: Final = """\
-
-OpenVINS and ORB-SLAM3 read raw images; the photographs in the bag are JPEG:
-{lines}"""
-_ORB_TOPICS: Final = """\
-ORB-SLAM3 has names of its own for topics. Beside these, start it with:
-  {remaps}
-"""
+_TEXTS: Final = package_data("fieldtruth.exporters", "slam_configs.yaml")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -515,7 +482,7 @@ def _readme(run: Run, facts: Facts, made: Mapping[str, Files | str], left_out: s
     sensors = "".join(f"{what}: {value}\n" for what, value in used.items() if value)
     files = "".join(f"{name}: {', '.join(each)}\n" for name, each in made.items() if not isinstance(each, str))
     files += (f"left out: {left_out}\n" if left_out else "") + truths
-    text = _README.format(run=run.name, sensors=sensors, files=files)
+    text: str = _TEXTS["readme"].format(run=run.name, sensors=sensors, files=files)
     return text + (_images(facts) if facts.views else "")
 
 
@@ -526,4 +493,4 @@ def _images(facts: Facts) -> str:
     names = ("/camera/left/image_raw", "/camera/right/image_raw") if len(topics) == 2 else ("/camera/image_raw",)
     remaps = [f"{name}:={topic}" for name, topic in zip(names, topics, strict=True)]
     remaps += [f"/imu:={facts.imu.topic}"] if facts.imu else []
-    return _REPUBLISH.format(lines=lines) + _ORB_TOPICS.format(remaps=" ".join(remaps))
+    return f"{_TEXTS['republish']}{_TEXTS['orb_topics']}".format(lines=lines, remaps=" ".join(remaps))

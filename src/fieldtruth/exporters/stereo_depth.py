@@ -21,6 +21,7 @@ from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views, require_pinholes
 from fieldtruth.exporters.image_files import metres_npy, millimetres_png
@@ -100,21 +101,7 @@ NEAREST: Final = 1.0
 _BLOCK: Final = 5  # [pixel]
 _UNIT: Final = 16.0
 """OpenCV's disparities are integers in sixteenths of a pixel."""
-_README: Final = """\
-Depth of {left} from the photographs of {left} and {right} of {run}, by OpenCV's StereoSGBM
-
-stereo/NS.png: depth along the optical axis, 16 bits, in millimetres; 0 where nothing was matched, or beyond 65.535 m
-stereo/NS.npy: the same in metres, float32; infinite where nothing was matched
-{truth}
-NS is the stamp in nanoseconds. Depth = f B / disparity, with f B = {scale:.6g} pixel m. Disparities up to {most} pixels
-were searched, so nothing nearer than {nearest:.2f} m is matched.
-"""
-_TRUTH: Final = """\
-true/NS.png, true/NS.npy: the true depth, in the same units; infinite in the sky
-errors.csv: a row for each range of true depth: pixels, share of them that was matched and, of the matched, the share
-  with a disparity more than 3 pixels wrong and the median of the relative error of the depth
-"""
-_NO_TRUTH: Final = "The bag has no true depth to compare with; record it with generate --extras depth.\n"
+_TEXTS: Final = package_data("fieldtruth.exporters", "stereo_depth.yaml")
 
 
 class Pair(NamedTuple):
@@ -151,8 +138,9 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     errors = _write_frames(run, images, pair, target, options)
     if has_truth:
         (target / "errors.csv").write_text(errors_csv(errors), encoding="ascii")
-    text = _README.format(
-        left=left.label, right=right.label, run=run.name, truth=_TRUTH if has_truth else _NO_TRUTH, scale=pair.scale,
+    truth = _TEXTS["truth" if has_truth else "no_truth"]
+    text = _TEXTS["readme"].format(
+        left=left.label, right=right.label, run=run.name, truth=truth, scale=pair.scale,
         most=pair.disparities - 1, nearest=pair.scale / (pair.disparities - 1),
     )  # fmt: skip
     (target / "README.txt").write_text(text, encoding="utf-8")
@@ -210,17 +198,14 @@ def _write_frame(images: Sequence[Readings], pair: Pair, target: Path, stamp: in
     if first.depth is None:
         return []
     _save(target / "true", name, first.depth)
-    return [errors_of(found, _disparity_of(first.depth, pair.scale), first.depth)]
+    with np.errstate(divide="ignore"):
+        expected = pair.scale / first.depth.astype(np.float64)
+    return [errors_of(found, expected, first.depth)]
 
 
 def _grey(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     return grey
-
-
-def _disparity_of(metres: NDArray[np.float32], scale: float) -> Array:
-    with np.errstate(divide="ignore"):
-        return np.asarray(scale / metres.astype(np.float64))
 
 
 def _save(folder: Path, name: str, metres: NDArray[np.float32]) -> None:

@@ -23,9 +23,9 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from isal import isal_zlib
 
-from fieldtruth.bag.file import BagError, read_errors
+from fieldtruth.bag.file import CARD, EXPERIMENT, MADE_BY, BagError, read_errors
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums
-from fieldtruth.bag.run import CARD, EXPERIMENT, MADE_BY, Run
+from fieldtruth.bag.run import Run
 from fieldtruth.exporters import Options
 
 _BLOCK: Final = 2**20  # [byte]

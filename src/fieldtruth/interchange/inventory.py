@@ -26,6 +26,7 @@ from scipy.spatial import ConvexHull, QhullError
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.geodesy import geodetic_from_world
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.world.model import Material, Mesh, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
 
@@ -177,16 +178,8 @@ _SYSTEMS: Final = (
     ("Undefined geographic", 0, "NONE", 0, "undefined", "undefined geographic coordinates"),
     ("WGS 84", WGS_84, "EPSG", WGS_84, _DEFINITION, "longitude and latitude [deg] on the WGS 84 ellipsoid"),
 )
-_TABLES: Final = """
-CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY, organization TEXT NOT NULL,
-    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
-CREATE TABLE gpkg_contents (table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
-    description TEXT DEFAULT '', last_change DATETIME NOT NULL, min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE,
-    srs_id INTEGER REFERENCES gpkg_spatial_ref_sys (srs_id));
-CREATE TABLE gpkg_geometry_columns (table_name TEXT NOT NULL UNIQUE REFERENCES gpkg_contents (table_name),
-    column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, srs_id INTEGER NOT NULL REFERENCES
-    gpkg_spatial_ref_sys (srs_id), z TINYINT NOT NULL, m TINYINT NOT NULL, PRIMARY KEY (table_name, column_name));
-"""
+_TABLES: Final = package_data("fieldtruth.interchange", "inventory.yaml")
+"""Columns of both tables, and the tables of a GeoPackage in SQL."""
 
 
 class PointLayer(NamedTuple):
@@ -205,7 +198,7 @@ def write_points(path: Path, layers: Sequence[PointLayer]) -> None:
     with closing(sqlite3.connect(":memory:")) as database:
         database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {_VERSION}")
-        database.executescript(_TABLES)
+        database.executescript(_TABLES["tables"])
         database.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS)
         for layer in layers:
             _write_layer(database, layer)
@@ -242,27 +235,7 @@ def _point(latitude: float, longitude: float) -> bytes:
 
 OBJECTS: Final = "inventory"
 MEMBERS: Final = "swarm_members"
-COLUMNS: Final[Mapping[str, ColumnType]] = {
-    "instance_id": "INTEGER",
-    "name": "TEXT",
-    "kind": "TEXT",
-    "species": "TEXT",
-    "scientific_name": "TEXT",
-    "classes": "TEXT",
-    "latitude_deg": "REAL",
-    "longitude_deg": "REAL",
-    "ground_height_m": "REAL",
-    "x_m": "REAL",
-    "y_m": "REAL",
-    "height_m": "REAL",
-    "length_m": "REAL",
-    "width_m": "REAL",
-    "trunk_diameter_m": "REAL",
-    "crown_base_m": "REAL",
-    "crown_diameter_m": "REAL",
-    "leaf_area_m2": "REAL",
-    "volume_m3": "REAL",
-}
+COLUMNS: Final[Mapping[str, ColumnType]] = _TABLES["columns"]
 """Columns of both tables. Empty: the object has no such part."""
 _DECIMALS: Final = {"latitude_deg": 9, "longitude_deg": 9, "volume_m3": 9}
 _DECIMALS_OF_METRES: Final = 4

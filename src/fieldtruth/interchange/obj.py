@@ -23,7 +23,6 @@ from fieldtruth.interchange.surfaces import (
     Surface,
     encode_image,
     material_image,
-    merged_swarms,
     mesh_surfaces,
     placed,
     tiles_of_swarms,
@@ -76,8 +75,9 @@ def _objects(world: World, tiles: list[GroundTile], *, beyond: bool) -> Iterator
         surfaces = mesh_surfaces(world.meshes[instance.mesh], world.materials)
         pose = instance.world_from_object[None]
         yield _Object(instance.name, instance.object_id, instance.kind, tuple(placed(s, pose) for s in surfaces))
-    for merged in merged_swarms(world, beyond=beyond):
-        yield _Object(merged.name, merged.swarm.object_id, merged.swarm.kind, merged.surfaces)
+    for swarm_tile in tiles_of_swarms(world, beyond=beyond):
+        swarm = swarm_tile.swarm
+        yield _Object(swarm_tile.name, swarm.object_id, swarm.kind, swarm_tile.surfaces(world))
 
 
 class _Writer:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.classes import Label
-from fieldtruth.core.png import encode_png
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.world.model import Material, Mesh, Swarm, World
 
@@ -118,17 +117,21 @@ class SwarmTile:
     beyond: bool
     """True beyond the world's edge."""
 
+    def surfaces(self, world: World) -> tuple[Surface, ...]:
+        """Return a surface per material of the members, in world coordinates."""
+        parts: dict[str, list[Surface]] = {}
+        for row, mesh in enumerate(self.swarm.meshes):
+            of_mesh = self.members[self.swarm.mesh[self.members] == row]
+            if len(of_mesh):
+                for surface in mesh_surfaces(world.meshes[mesh], world.materials):
+                    copies = placed(surface, self.swarm.world_from_object[of_mesh], self.swarm.tint[of_mesh])
+                    parts.setdefault(surface.material, []).append(copies)
+        return tuple(merge_surfaces(found) for found in parts.values())
+
     def face_count(self, world: World) -> int:
         """Number of the members' triangles."""
         faces = np.array([len(world.meshes[name].faces) for name in self.swarm.meshes])
         return int(faces[self.swarm.mesh[self.members]].sum())
-
-
-@dataclass(frozen=True, kw_only=True)
-class MergedTile(SwarmTile):
-    """Members of one swarm on one tile as a surface per material, in world coordinates."""
-
-    surfaces: tuple[Surface, ...]
 
 
 def beyond_edge(world: World, swarm: Swarm) -> NDArray[np.bool_]:
@@ -136,20 +139,11 @@ def beyond_edge(world: World, swarm: Swarm) -> NDArray[np.bool_]:
     return np.asarray((np.abs(swarm.world_from_object[:, :2, 3]) > np.array(world.size) / 2).any(axis=1))
 
 
-def merged_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[MergedTile]:
-    """Merge the members of each swarm tile by tile; with ``beyond`` also those beyond the world's edge.
-
-    Tiles are those of ``tiles_of_swarms``; one tile is in memory at a time.
-    """
-    for tile in tiles_of_swarms(world, size_m, beyond=beyond):
-        yield MergedTile(**vars(tile), surfaces=_merged(world, tile.swarm, tile.members))
-
-
 def tiles_of_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[SwarmTile]:
     """Group the members of each swarm by tile; with ``beyond`` also those beyond the world's edge.
 
     A member belongs to the tile that its origin is on. Tiles start in the world's corner and have a side of ``size_m``
-    [m]; beyond the edge they are ``BEYOND_TILE`` times as large.
+    [m]; beyond the edge they are ``BEYOND_TILE`` times as large. Their surfaces are made one tile at a time.
     """
     for swarm in world.swarms:
         outside = beyond_edge(world, swarm)
@@ -164,17 +158,6 @@ def _tiles(world: World, swarm: Swarm, members: NDArray[np.intp], side: float, *
         rows = members[(tile == (i, j)).all(axis=1)]
         name = f"{swarm.name}_beyond_{i}_{j}" if beyond else f"{swarm.name}_{i}_{j}"
         yield SwarmTile(name=name, swarm=swarm, members=rows, beyond=beyond)
-
-
-def _merged(world: World, swarm: Swarm, members: NDArray[np.intp]) -> tuple[Surface, ...]:
-    parts: dict[str, list[Surface]] = {}
-    for row, mesh in enumerate(swarm.meshes):
-        of_mesh = members[swarm.mesh[members] == row]
-        if len(of_mesh):
-            for surface in mesh_surfaces(world.meshes[mesh], world.materials):
-                copies = placed(surface, swarm.world_from_object[of_mesh], swarm.tint[of_mesh])
-                parts.setdefault(surface.material, []).append(copies)
-    return tuple(merge_surfaces(found) for found in parts.values())
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -197,10 +180,8 @@ def tinted(texture: NDArray[np.uint8], tint: Sequence[float]) -> NDArray[np.uint
     return np.stack([table[texture[..., k], k] for k in range(3)], axis=-1)
 
 
-def encode_image(image: NDArray[np.uint8], *, jpeg: bool = True) -> bytes:
-    """Encode an image (h, w, 3) sRGB as JPEG, or as PNG."""
-    if not jpeg:
-        return encode_png(image)
+def encode_image(image: NDArray[np.uint8]) -> bytes:
+    """Encode an image (h, w, 3) sRGB as JPEG."""
     data: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=JPEG_QUALITY, colorsubsampling="420")
     return data
 

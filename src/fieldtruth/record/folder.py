@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from fieldtruth.bag.file import CARD, EXPERIMENT, MADE_BY, TRACK
 from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines, sha256_of
-from fieldtruth.bag.run import CARD, EXPERIMENT, MADE_BY, TRACK
 from fieldtruth.core.errors import FieldtruthError, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced, write_atomically
 from fieldtruth.experiment.config import Experiment

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 import fieldtruth
+from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.messages import fixed_transforms
-from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label

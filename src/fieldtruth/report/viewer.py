@@ -83,7 +83,7 @@ class _Log:
         described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
         self.recording.log("/", rr.AnnotationContext(described), static=True)
         self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        parents = run.static.parents if table.TF_STATIC in run.counts else {}
+        parents = run.calibration.static.parents if table.TF_STATIC in run.counts else {}
         self._entities = entities({(parent, child): matrix for child, (parent, matrix) in parents.items()})
         for child, (_, parent_from_child) in parents.items():
             self.recording.log(self._entities[child], self._transform(parent_from_child), static=True)

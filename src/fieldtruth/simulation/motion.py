@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.run import TRACK
+from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning

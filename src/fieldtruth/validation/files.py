@@ -18,10 +18,10 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import ChunkInfo, Header, RecordType, decompressors, read_bytes, read_uint32
 
-from fieldtruth.bag.file import MCAP, BagError, read_errors
+from fieldtruth.bag.file import EXPERIMENT, MCAP, BagError, read_errors
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
-from fieldtruth.bag.run import EXPERIMENT, Run, open_run
+from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.validation.check import Check, Rule, Spec, Tally

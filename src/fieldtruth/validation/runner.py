@@ -14,10 +14,9 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import BagError, is_ros1
+from fieldtruth.bag.file import BagError, find_bag, is_ros1
 from fieldtruth.bag.provenance import difference, makers_of
 from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
-from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.drive.track import Motion, Track

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 import fieldtruth
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.run import EXPERIMENT, Run
+from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import FieldtruthError

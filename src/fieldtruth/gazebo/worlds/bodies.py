@@ -13,7 +13,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.drive.ground import HARD
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.surfaces import Surface, beyond_edge, merged_swarms, mesh_surfaces
+from fieldtruth.interchange.surfaces import Surface, beyond_edge, mesh_surfaces, tiles_of_swarms
 from fieldtruth.world.model import LITTER, Collider, Mesh, Swarm, World
 
 SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})
@@ -144,9 +144,9 @@ def _ground(world: World, add: AddMesh) -> Body:
 def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     """One body for the members of each swarm inside the world or beyond its edge, with a part per tile and material."""
     parts: dict[str, list[Part]] = {}
-    for tile in merged_swarms(world, beyond=beyond):
+    for tile in tiles_of_swarms(world, beyond=beyond):
         if tile.beyond == beyond:
-            for surface in tile.surfaces:
+            for surface in tile.surfaces(world):
                 solid = surface.label in HARD and not beyond and tile.swarm.kind != LITTER
                 part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=solid)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)

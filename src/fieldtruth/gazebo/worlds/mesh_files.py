@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.interchange.glb import INDICES, VERTICES, Glb
+from fieldtruth.interchange.gltf import INDICES, VERTICES, Glb
 from fieldtruth.interchange.ground import ground_images, ground_tiles
 from fieldtruth.interchange.surfaces import Surface, encode_image, material_image
 from fieldtruth.world.model import World

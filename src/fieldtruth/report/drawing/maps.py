@@ -17,8 +17,8 @@ from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
+from fieldtruth.sense.lens import pinhole
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import pinhole
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.world.model import Heightfield
 

@@ -115,7 +115,7 @@ def _accumulated(run: Run, lidar: Source, trajectory: Trajectory | None) -> "_Vo
 def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
     """``base_from_sensor`` (4, 4), and a remark if it is not from the bag."""
     try:
-        return run.static.base_from(frame), ""
+        return run.calibration.static.base_from(frame), ""
     except UNEXPECTED:  # no frames, not this one, or an invalid rotation
         mounts = run.rig.mounts()
     if frame in mounts:

@@ -10,10 +10,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import BagError
+from fieldtruth.bag.file import EXPERIMENT, TRACK, BagError
 from fieldtruth.bag.geometry import first_message
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.bag.run import EXPERIMENT, TRACK, Run
+from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
@@ -256,7 +256,7 @@ def frame_rows(run: Run) -> list[FrameRow]:
     if table.TF_STATIC not in usable_topics(run)[0]:
         return []
     try:
-        parents = run.static.parents
+        parents = run.calibration.static.parents
     except UNEXPECTED:  # an invalid quaternion, for example
         return []
     children: dict[str, list[str]] = {}

@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Labels, instances, depth, normals and optical flow: from the rays through the centres of the pixels.
 
-Directions of a camera's rays as a table that kernels read, for every lens but the pinhole. A pinhole's directions are
-computed where they are needed, which is faster. Other lenses have to be inverted by iteration; that is done once.
-
 Optical flow: how far each pixel's surface point has moved in the image when the camera takes the next one. The point is
 that of the depth image. The world stands still, the robot moves with the camera, and the sky is infinitely far. A ray
 from the next pose to the point finds whether something hides it there.
 """
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -20,48 +16,13 @@ from numpy.typing import NDArray
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.core.lenses import FLAT, Lens, directions
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
-from fieldtruth.kernels.camera_rays import BLOCK, NO_TABLE, Pinhole, View, label_image, new_batch
+from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
+from fieldtruth.sense.lens import pinhole, ray_table
 from fieldtruth.sense.robot import RobotView, hide_world, meet
 from fieldtruth.sense.scene import Scene
-
-
-def pinhole(config: ImagingConfig) -> Pinhole:
-    """Intrinsics of a camera, whatever its lens: ``lenses.Lens`` states what they mean for each model."""
-    lens = config.projection
-    return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)
-
-
-_ROWS: Final = 256  # inverted at once
-
-
-def ray_table(config: ImagingConfig) -> Float32Array:
-    """Return unit direction x, y, z in the optical frame, and depth over range, at the pixel centres (h, w, 4).
-
-    Depth is measured along the optical axis by the lenses of ``FLAT``, along the ray by the others. Where the lens has
-    no ray all four are 0. Single precision, as of the rays themselves, moves a ray by less than 1e-7 rad, 1e-4 pixel at
-    a focal length of 1000 pixels. The table of a pinhole with the whole image is NO_TABLE. Callers share it and must
-    not write.
-    """
-    lens = config.projection
-    if lens.model == "pinhole" and lens.circle >= np.pi / 2:
-        return NO_TABLE
-    return _table(lens, config.width, config.height)
-
-
-@lru_cache(maxsize=4)
-def _table(lens: Lens, width: int, height: int) -> Float32Array:
-    table = np.zeros((height, width, 4), np.float32)
-    for first in range(0, height, _ROWS):
-        v = np.arange(first, min(first + _ROWS, height))
-        rays = directions(lens, np.arange(width), v[:, None])
-        table[v, :, :3] = np.nan_to_num(rays)
-        table[v, :, 3] = np.nan_to_num(rays[..., 2]) if lens.model in FLAT else ~np.isnan(rays[..., 0])
-    return table
-
 
 _BAND: Final = 32  # rows at once
 
