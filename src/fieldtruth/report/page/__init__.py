@@ -4,6 +4,7 @@
 
 import base64
 import hashlib
+import shlex
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -38,7 +39,7 @@ def render_page(content: PageContent) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"base64": _base64, "fixed": fixed}
+    environment.filters |= {"base64": _base64, "fixed": fixed, "quote": shlex.quote, "ascii": ascii}
     return environment.get_template("page.html.jinja").render(
         content=content,
         run=content.run,

@@ -172,8 +172,9 @@ class PageContent:
     topics: list[tuple[str, str, int, str]]
     checksums: dict[str, str]
     checksums_source: str
-    exports: list[tuple[str, str]]
-    snippets: list[tables.Snippet]
+    richest: tuple[str, str]
+    """Topic and expression of the first example."""
+    has_frames: bool
     notes: list[tuple[str, str]]
     """Topics that cannot be shown, with the reason."""
 
@@ -217,8 +218,8 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         topics=tables.topic_rows(run),
         checksums=checksums,
         checksums_source=checksums_source,
-        exports=tables.export_commands(run),
-        snippets=tables.snippets(run),
+        richest=tables.richest_topic(run),
+        has_frames=tables.has_frames(run),
         notes=[
             (shortened(topic), shortened(why.replace(f" of {topic} at ", " at ")))
             for topic, why in sorted({**unreadable, **summary.unreadable}.items())

@@ -15,18 +15,18 @@
 
 import math
 import warnings
-from collections.abc import Iterable, Sequence
-from typing import Any, Final, NamedTuple
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
-from fieldtruth.experiment.rig import Cylinder, Rig, chassis_box, rollers, wheel_cylinders
+from fieldtruth.experiment.rig import Rig, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import BASE, SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.sensors.imu.config import ImuConfig, ImuSignal
@@ -44,7 +44,6 @@ _UNITS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",
     "gyroscope_random_walk": "rad/s^2/sqrt(Hz)",
 }
-_COLOURS: Final = {"hull": (0.8, 0.6, 0.05, 1.0), "tyre": (0.12, 0.12, 0.12, 1.0)}
 _DIGITS: Final = 15
 
 
@@ -191,88 +190,37 @@ def _document(config: ImuConfig) -> str:
     return "".join(f"# {comment}\n" for comment in comments) + "\n".join(units) + "\n"
 
 
-class Inertia(NamedTuple):
-    """Mass [kg], principal moments (3,) [kg m^2] along x, y, z, and centre of mass (3,) [m]."""
-
-    mass: float
-    moments: tuple[float, ...]
-    centre: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-
-def chassis_inertia(rig: Rig) -> Inertia:
-    """Inertia of the robot without its wheels."""
-    robot = rig.robot
-    mass = robot.mass - len(rig.wheels.names) * rig.wheels.mass
-    moments = np.array(robot.chassis_inertia) * (mass / robot.chassis_inertia_mass)
-    return Inertia(mass, tuple(moments.tolist()), robot.chassis_centre)
-
-
-def wheel_inertia(rig: Rig) -> Inertia:
-    """Inertia of a driven wheel in its frame."""
-    return Inertia(rig.wheels.mass, rig.wheels.inertia)
-
-
 def urdf_text(rig: Rig) -> str:
     """Return the text of the URDF: base_link is its root, and every frame of the rig is a link.
 
     Frames of sensors are fixed; the wheels turn about continuous joints and have inertias.
     """
-    robot = Element("robot", name=rig.robot.model)
-    for name, rgba in _COLOURS.items():
-        SubElement(SubElement(robot, "material", name=name), "color", rgba=_numbers(rgba))
-    _add_base(robot, rig)
-    wheels = {wheel.frame: wheel for wheel in wheel_cylinders(rig)}
-    for (parent, child), parent_from_child in rig_transforms(rig).items():
-        link = SubElement(robot, "link", name=child)
-        joint = SubElement(robot, "joint", name=f"{child}_joint", type="continuous" if child in wheels else "fixed")
-        SubElement(joint, "parent", link=parent)
-        SubElement(joint, "child", link=child)
-        rpy = np.radians(transforms.rpy_deg_from_rotation(parent_from_child[:3, :3]))
-        SubElement(joint, "origin", xyz=_numbers(parent_from_child[:3, 3]), rpy=_numbers(rpy))
-        if child in wheels:
-            SubElement(joint, "axis", xyz="0 1 0")
-            _add_inertial(link, wheel_inertia(rig))
-            _add_tyre(link, wheels[child])
-    indent(robot)
-    return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
-
-
-def _add_base(robot: Element, rig: Rig) -> None:
-    link = SubElement(robot, "link", name=BASE)
-    _add_inertial(link, chassis_inertia(rig))
-    box = chassis_box(rig)
-    for kind in ("visual", "collision"):
-        shape = SubElement(link, kind)
-        SubElement(shape, "origin", xyz=_numbers(box.centre))
-        SubElement(SubElement(shape, "geometry"), "box", size=_numbers(box.size))
-        if kind == "visual":
-            SubElement(shape, "material", name="hull")
-    for roller in rollers(rig):
-        if roller.frame == BASE:
-            _add_tyre(link, roller, roller.centre)
-
-
-def _add_tyre(link: Element, wheel: Cylinder, centre: Iterable[float] = (0.0, 0.0, 0.0)) -> None:
-    rpy = _numbers((math.pi / 2, 0.0, 0.0))  # the axis of a cylinder is z, that of a wheel y
-    for kind in ("visual", "collision"):
-        shape = SubElement(link, kind)
-        SubElement(shape, "origin", xyz=_numbers(centre), rpy=rpy)
-        size = {"radius": _number(wheel.radius), "length": _number(wheel.width)}
-        SubElement(SubElement(shape, "geometry"), "cylinder", size)
-        if kind == "visual":
-            SubElement(shape, "material", name="tyre")
-
-
-def _add_inertial(link: Element, inertia: Inertia) -> None:
-    inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=_numbers(inertia.centre))
-    SubElement(inertial, "mass", value=_number(inertia.mass))
-    off = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    SubElement(inertial, "inertia", dict(zip(("ixx", "iyy", "izz"), map(_number, inertia.moments), strict=True)) | off)
-
-
-def _numbers(values: Iterable[float] | Array) -> str:
-    return " ".join(map(_number, values))
+    robot = rig.robot
+    mass = robot.mass - len(rig.wheels.names) * rig.wheels.mass
+    joints = [
+        (*names, pose[:3, 3], np.radians(transforms.rpy_deg_from_rotation(pose[:3, :3])))
+        for names, pose in rig_transforms(rig).items()
+    ]
+    environment = Environment(
+        loader=PackageLoader("fieldtruth.report.rig", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"number": _number, "numbers": lambda values: " ".join(map(_number, values))}
+    return environment.get_template("urdf.xml.jinja").render(
+        rig=rig,
+        base=BASE,
+        chassis=chassis_box(rig),
+        mass=mass,
+        moments=np.array(robot.chassis_inertia) * (mass / robot.chassis_inertia_mass),
+        rollers=rollers(rig),
+        wheels={wheel.frame: wheel for wheel in wheel_cylinders(rig)},
+        joints=joints,
+        quarter=math.pi / 2,
+    )
 
 
 def _number(value: float) -> str:
