@@ -52,23 +52,18 @@ def rviz_configuration(rig: Rig, ros: int) -> str:
     return render("ros", "fieldtruth.rviz.jinja", ros=ros, hidden_frames=hidden, **sensors)
 
 
-def bridge_table(rig: Rig) -> list[dict[str, Any]]:
-    """Return the rows of ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
-    infos = [imager.topic_of("camera_info") for imager in rig.imagers]
-    return [
-        _row(topics.CLOCK, "rosgraph_msgs/msg/Clock", "Clock"),
-        _row(topics.TF, "tf2_msgs/msg/TFMessage", "Pose_V"),
-        _row(topics.ODOMETRY, "nav_msgs/msg/Odometry", "Odometry"),
-        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.giving(Inertial)),
-        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.giving(Fix)),
-        _row("/joint_states", "sensor_msgs/msg/JointState", "Model"),
-        _row(topics.COMMANDS, "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
-        *(
-            _row(lidar.topic, "sensor_msgs/msg/PointCloud2", "PointCloudPacked", gz=f"{cloud_topic(lidar)}/points")
-            for lidar in rig.enabled(ScanningConfig)
-        ),
-        *(_row(f"{info}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=info) for info in infos),
-    ]
+def bridge_text(rig: Rig) -> str:
+    """Return ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
+    return render(
+        "ros",
+        "bridge.yaml.jinja",
+        topics=topics,
+        inertial=rig.giving(Inertial),
+        receivers=rig.giving(Fix),
+        scanners=rig.enabled(ScanningConfig),
+        cloud_topic=cloud_topic,
+        infos=[imager.topic_of("camera_info") for imager in rig.imagers],
+    )
 
 
 def image_topics(rig: Rig) -> list[str]:
@@ -76,16 +71,6 @@ def image_topics(rig: Rig) -> list[str]:
     photographs = [imager.topic_of("photograph").removesuffix("/compressed") for imager in rig.imagers]
     kinds = ("labels_map", "colored_map")
     return [*photographs, *(f"{imager.topic}/segmentation/{kind}" for imager in rig.imagers for kind in kinds)]
-
-
-def _row(ros: str, ros_type: str, gz_type: str, *, gz: str = "", direction: str = "GZ_TO_ROS") -> dict[str, Any]:
-    return {
-        "ros_topic_name": ros,
-        "gz_topic_name": gz or ros,
-        "ros_type_name": ros_type,
-        "gz_type_name": f"gz.msgs.{gz_type}",
-        "direction": direction,
-    }
 
 
 def builtin_experiments(environment: str) -> tuple[Experiment, ...]:
@@ -140,8 +125,7 @@ def write_ros_package(
             write(folder / "launch" / f"{name}.launch", text)
     _write_shared_config(folder, world, rig, _again(chosen[0], world, rig, ros))
     if ros == 2:
-        text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
-        write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
+        write(folder / "config" / "bridge.yaml", bridge_text(rig))
     write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
 
 
