@@ -72,7 +72,7 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
 
 
 def _status(options: argparse.Namespace) -> None:
-    from fieldtruth.campaign.draw import Shard, draw
+    from fieldtruth.campaign.draw import Shard, draw, ranges
     from fieldtruth.campaign.files import CAMPAIGN, load_campaign
     from fieldtruth.campaign.state import state_of
 
@@ -84,7 +84,15 @@ def _status(options: argparse.Namespace) -> None:
     parts = len(runs) if options.shards is None else options.shards
     shards = [next(i for i in range(1, parts + 1) if Shard(i, parts).has(k)) for k in range(len(runs))]
     shown = [(state, i) for state, i in zip(states, shards, strict=True) if state.is_left or not options.missing]
-    print(_TEXTS[options.format](options.folder, [state for state, _ in shown], [i for _, i in shown]))
+    chosen = [state for state, _ in shown]
+    if options.format == "json":
+        print(json.dumps([{"run": s.run.name, "state": s.kind, "reason": s.reason} for s in chosen]))
+    elif options.format == "lines":
+        print("\n".join(state.run.name for state in chosen))
+    elif options.format == "slurm":
+        print(ranges(i for _, i in shown))
+    else:
+        print(_status_text(options.folder, chosen))
 
 
 def warn_of_missing(folder: Path) -> None:
@@ -101,7 +109,7 @@ def warn_of_missing(folder: Path) -> None:
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
 
 
-def _text(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
+def _status_text(folder: Path, states: "Sequence[State]") -> str:
     from fieldtruth.campaign.state import Kind, clock, counts, size, time_left_s
 
     running = sum(state.kind is Kind.RUNNING for state in states)
@@ -111,23 +119,6 @@ def _text(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
     head = f"{folder}: {counts(states)}; {size(made)}{left}"
     rows = [f"  {s.kind:<7}  {s.run.name}{': ' * bool(s.reason)}{s.reason}" for s in states if s.kind is not Kind.DONE]
     return "\n".join([head, *rows])
-
-
-def _json(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
-    return json.dumps([{"run": s.run.name, "state": s.kind, "reason": s.reason} for s in states])
-
-
-def _lines(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
-    return "\n".join(state.run.name for state in states)
-
-
-def _slurm(folder: Path, states: "Sequence[State]", shards: Sequence[int]) -> str:
-    from fieldtruth.campaign.draw import ranges
-
-    return ranges(shards)
-
-
-_TEXTS: Final = {"text": _text, "json": _json, "lines": _lines, "slurm": _slurm}
 
 
 def _checked_experiment(name_or_path: str) -> "Experiment":
@@ -141,17 +132,11 @@ def _checked_experiment(name_or_path: str) -> "Experiment":
 
 def _generate(options: argparse.Namespace) -> int | None:
     from fieldtruth.campaign.files import is_campaign
+    from fieldtruth.experiment.files import with_overrides
 
     if is_campaign(options.experiment):
         return _generate_campaign(options, _engine(options))
     _refuse_campaign_options(options)
-    _generate_one(options)
-    return None
-
-
-def _generate_one(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.files import with_overrides
-
     experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
@@ -167,6 +152,7 @@ def _generate_one(options: argparse.Namespace) -> None:
             progress=progress,
         )
     _print_bag(bag, start)
+    return None
 
 
 def _print_bag(bag: Path, start: float) -> None:

@@ -150,7 +150,9 @@ class PageContent:
 
     run: Run
     key_figures: list[tables.Figure]
-    about: dict[str, str]
+    made_by: str
+    """Version that made it, of a run with its experiment."""
+    first_fixes: dict[str, tuple[float, ...]]
     map: Map | None
     map_note: str
     samples: list[Sample]
@@ -199,7 +201,8 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     return PageContent(
         run=run,
         key_figures=tables.key_figures(run, summary),
-        about=tables.about(run, summary),
+        made_by="" if run.experiment is None else tables.made_by(run),
+        first_fixes=summary.first_fixes,
         map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(cameras), None)),
         map_note=map_note,
         samples=samples,

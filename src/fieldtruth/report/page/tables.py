@@ -12,7 +12,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import first_message
 from fieldtruth.bag.provenance import read_checksums, sha256_of
-from fieldtruth.bag.run import EXPERIMENT, TRACK, Run
+from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
@@ -21,7 +21,7 @@ from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.report.drawing.maps import heading_of
-from fieldtruth.report.drawing.style import TIMES, class_colour, file_size, fixed, percent, shortened, trimmed
+from fieldtruth.report.drawing.style import TIMES, class_colour, file_size, percent, shortened, trimmed
 from fieldtruth.report.page.bag_pass import UNEXPECTED, BagSummary, published, usable_topics
 
 ROWS: Final = 200
@@ -99,38 +99,6 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
 
 def _count(run: Run, topics: Iterable[str]) -> int:
     return sum(run.counts.get(topic, 0) for topic in topics)
-
-
-def about(run: Run, summary: BagSummary) -> dict[str, str]:
-    """The experiment and the extent of the bag, as texts by term."""
-    found: dict[str, str] = {}
-    experiment = run.experiment
-    if experiment is not None:
-        layout = ", ".join(f"{key}: {value}" for key, value in experiment.layout.items())
-        light = experiment.light.values
-        found |= {
-            "Experiment": experiment.name,
-            "Environment": experiment.environment + (f" ({shortened(layout)})" if layout else ""),
-            "Seed": str(experiment.seed),
-            "Made by": f"fieldtruth {shortened(str(_version(run)))}",
-            "Light": experiment.light.text,
-            "Sun": f"azimuth {light.azimuth_deg:.4g}°, elevation {light.elevation_deg:.3g}°",
-        }
-        if not experiment.weather.is_clear:
-            found["Weather"] = experiment.weather.text
-        if experiment.frames is not None:
-            found["Motion"] = f"none: {experiment.frames.count} separate frames"
-        elif experiment.drive is None:
-            found["Commanded speed"] = f"{experiment.control.speed:g} m/s"
-        else:
-            found["Motion"] = f"along the poses of a track file, {TRACK}"
-        if experiment.seconds is not None:
-            found["Time limit"] = f"{experiment.seconds:g} s"
-    found["Stamps"] = f"{run.start_ns / 1e9:.3f} s to {run.end_ns / 1e9:.3f} s"
-    for sensor, (latitude, longitude, height) in summary.first_fixes.items():
-        term = f"First fix of {sensor}" if sensor else "First fix"
-        found[term] = f"{fixed(latitude, 7)}°, {fixed(longitude, 7)}°, {fixed(height, 2)} m"
-    return found | {"Messages": f"{sum(run.counts.values()):,} in {len(run.counts)} topics"}
 
 
 def class_rows(summary: BagSummary) -> tuple[list[ClassRow], ClassRow | None]:
@@ -276,9 +244,10 @@ def checksums(run: Run, progress: Progress) -> tuple[dict[str, str], str]:
     return {run.bag.name: digest}, f"{problem}No SHA256SUMS lists this bag; computed from the file"
 
 
-def _version(run: Run) -> Any:
+def made_by(run: Run) -> str:
+    """Version of fieldtruth that made a run with its experiment."""
     text = (run.folder / EXPERIMENT).read_text(encoding="utf-8")
-    return parse_mapping(text, EXPERIMENT).get(VERSION_KEY, "(unknown version)")
+    return shortened(str(parse_mapping(text, EXPERIMENT).get(VERSION_KEY, "(unknown version)")))
 
 
 def richest_topic(run: Run) -> tuple[str, str]:

@@ -5,8 +5,8 @@
 Figures have the names of Kalibr where it has one (its wiki, "IMU Noise Model"); the processes are those of IEEE Std
 952, annex C. ``sensing.py`` states the formulas.
 
-Kalibr refuses a noise of zero (``ConfigReader.py``, ``checkGyroStatistics``), and knows neither bias instability nor axes.
-So of three densities the largest is written, and where there is no random walk, one that is as large as the bias
+Kalibr refuses a noise of zero (``ConfigReader.py``, ``checkGyroStatistics``), and knows neither bias instability nor
+axes. So of three densities the largest is written, and where there is no random walk, one that is as large as the bias
 instability: its Allan deviation K sqrt(tau / 3) meets the flat bottom B at the averaging time (N / B)^2 at which white
 noise does, K = sqrt(3) B^2 / N. Where a sensor has neither, or no noise at all, ``LEAST`` is written.
 """
