@@ -24,7 +24,7 @@ from fieldtruth.cli.terminal import INTERRUPTED, interrupts, standard_streams
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 USER_ERROR: Final = 2
-_COMMANDS: Final[Mapping[str, Command]] = generation.COMMANDS | processing.COMMANDS | worlds.COMMANDS
+_COMMANDS: Final[Mapping[str, Command]] = {**generation.COMMANDS, **processing.COMMANDS, **worlds.COMMANDS}
 RENAMED: Final = {
     ("bench", "--env"): "--environment",
     ("annotate", "--world"): "--environment",

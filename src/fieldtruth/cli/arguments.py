@@ -96,7 +96,7 @@ def add_arguments(parser: Parser, rows: Mapping[str, str | Mapping[str, Any]]) -
     """Add the arguments of a sub-command, as ``commands.toml`` has them."""
     groups: dict[str | bool, Any] = {}
     for name, row in rows.items():
-        given = {"help": row} if isinstance(row, str) else dict(row)
+        given: dict[str, Any] = {"help": row} if isinstance(row, str) else dict(row)
         owner: Any = parser
         if title := given.pop("group", ""):
             owner = groups[title] = groups.get(title) or parser.add_argument_group(title)

@@ -192,7 +192,7 @@ def card_part(name: str) -> str:
     return _TEMPLATES.get_template(f"card_{name}.md.jinja").render().rstrip()
 
 
-def _frames(rig: Rig) -> list[tuple[str, str, str, str]]:
+def _frames(rig: Rig) -> list[tuple[str, ...]]:
     """Parent, child, position and quaternion of each fixed frame."""
     rows = []
     for (parent, child), parent_from_child in fixed_transforms(rig).items():
