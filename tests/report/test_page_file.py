@@ -27,7 +27,7 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import FORMATS
 from fieldtruth.report.drawing.images import jpeg_below
-from fieldtruth.report.page import LARGEST_PAGE, cloud, content, render_page, series, tables, write_report
+from fieldtruth.report.page import LARGEST_PAGE, cloud, content, render_page, series, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.bag_pass import summarize_bag
 from fieldtruth.report.page.content import collect_content
@@ -99,7 +99,6 @@ def test_snippets_run_and_commands_exist(
     assert printed[0].startswith("100000000 ")
     commands = [words(code) for code in page.root.findall(".//dl[@class='exports']//code")]
     assert commands == [f"fieldtruth export park_1.bag --to {form}" for form in FORMATS]
-    assert list(tables.FORMATS) == list(FORMATS)
     assert code["Validate"] == "sha256sum -c SHA256SUMS\nfieldtruth validate park_1.bag"
     assert code["evo"] == "evo_traj bag park_1.bag /ground_truth/odom --plot"
 

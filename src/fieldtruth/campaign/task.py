@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,10 +25,9 @@ Say = Callable[[str], None]
 """Receives lines for the user."""
 
 
-@contextmanager
-def silent() -> Iterator[Progress]:
+def silent() -> AbstractContextManager[Progress]:
     """Show nothing."""
-    yield Silent()
+    return nullcontext(Silent())
 
 
 @contextmanager

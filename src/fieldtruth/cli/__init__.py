@@ -10,18 +10,21 @@ immediate.
 import argparse
 import shlex
 import sys
+import tomllib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Final, NoReturn, TextIO
+from importlib import resources
+from typing import Any, Final, NoReturn, TextIO
 
 import fieldtruth
 from fieldtruth.cli import generation, processing, worlds
-from fieldtruth.cli.arguments import Command, Parser, UsageError
+from fieldtruth.cli.arguments import Command, Parser, UsageError, add_arguments
 from fieldtruth.cli.terminal import INTERRUPTED, interrupts, standard_streams
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 USER_ERROR: Final = 2
+_COMMANDS: Final[Mapping[str, Command]] = {**generation.COMMANDS, **processing.COMMANDS, **worlds.COMMANDS}
 RENAMED: Final = {
     ("bench", "--env"): "--environment",
     ("annotate", "--world"): "--environment",
@@ -131,27 +134,21 @@ def _reject(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
 
 
 def _build_parser() -> tuple[Parser, dict[str, Parser]]:
-    layout = argparse.RawDescriptionHelpFormatter
+    table = tomllib.loads(resources.files(__name__).joinpath("commands.toml").read_text(encoding="utf-8"))
+    layout: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
     parser = Parser(
         prog="fieldtruth",
         description="Make automatically labelled data sets of a ground robot in natural environments.",
-        epilog=generation.EXAMPLES,
-        formatter_class=layout,
-        allow_abbrev=False,
+        epilog=table["generate"]["epilog"],
+        **layout,
     )
     parser.add_argument("--version", action=_Version)
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND")
-
-    def command(name: str, run: Command, help_text: str, epilog: str | None = None) -> Parser:
-        made: Parser = subparsers.add_parser(
-            name, help=help_text, description=help_text, epilog=epilog, formatter_class=layout, allow_abbrev=False
-        )
-        made.set_defaults(run=run)
-        return made
-
-    generation.add_commands(command)
-    processing.add_commands(command)
-    worlds.add_commands(command)
+    for name, row in table.items():
+        text, epilog = row["help"], row.get("epilog")
+        command: Parser = subparsers.add_parser(name, help=text, description=text, epilog=epilog, **layout)
+        command.set_defaults(run=_COMMANDS[name])
+        add_arguments(command, row["arguments"])
     return parser, dict(subparsers.choices)
 
 

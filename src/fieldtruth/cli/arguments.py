@@ -1,11 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the sub-commands: a parser that raises instead of printing, and converters of values."""
+"""Shared by the sub-commands: a parser that raises instead of printing, and converters of values.
+
+The arguments of all sub-commands are in ``commands.toml``.
+"""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import Any, Final, NoReturn
 
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.parallel import cpu_count
@@ -25,19 +28,6 @@ class Parser(argparse.ArgumentParser):
 
 Command = Callable[[argparse.Namespace], int | None]
 """A sub-command; returns its exit code, None for 0."""
-
-
-class AddCommand(Protocol):
-    """Adds a sub-command."""
-
-    def __call__(self, name: str, run: Command, help_text: str, epilog: str | None = None) -> Parser: ...  # noqa: D102
-
-
-def add_workers(parser: Parser, output: str) -> None:
-    """Add ``--workers``; ``output`` does not depend on it."""
-    parser.add_argument(
-        "--workers", metavar="N", type=count, default=cpu_count(), help=f"threads (all cores); {output} is the same"
-    )
 
 
 def changes(options: argparse.Namespace) -> dict[str, Any]:
@@ -97,3 +87,25 @@ def checked_layout(environment: str, path: Path) -> dict[str, Any]:
 def words(text: str) -> list[str]:
     """Split words separated by commas."""
     return [word.strip() for word in text.split(",")]
+
+
+_TYPES: Final = {"count": count, "number": number, "path": Path, "seed": seed, "words": words}
+
+
+def add_arguments(parser: Parser, rows: Mapping[str, str | Mapping[str, Any]]) -> None:
+    """Add the arguments of a sub-command, as ``commands.toml`` has them."""
+    groups: dict[str | bool, Any] = {}
+    for name, row in rows.items():
+        given: dict[str, Any] = {"help": row} if isinstance(row, str) else dict(row)
+        owner: Any = parser
+        if title := given.pop("group", ""):
+            owner = groups[title] = groups.get(title) or parser.add_argument_group(title)
+        if given.pop("exclusive", False):
+            owner = groups[True] = groups.get(True) or parser.add_mutually_exclusive_group()
+        if "metavar" not in given:
+            given["action"] = "store_true"
+        if "type" in given:
+            given["type"] = _TYPES[given["type"]]
+        if given.get("default") == "cores":
+            given["default"] = cpu_count()
+        owner.add_argument(name, **given)

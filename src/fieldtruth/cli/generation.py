@@ -13,7 +13,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
+from fieldtruth.cli.arguments import UsageError, changes
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 from fieldtruth.core.files import output_folder, output_path
@@ -32,15 +32,6 @@ FAILED: Final = 1
 """Exit code of a campaign with runs that failed."""
 _STATUS_FORMATS: Final = ("text", "json", "lines", "slurm")
 _ONLY_CAMPAIGNS: Final = {"jobs": None, "shard": None, "no_estimate": False}
-EXAMPLES: Final = """\
-examples:
-  fieldtruth list                                  experiments and environments
-  fieldtruth generate park_1 --seconds 5           five seconds of park_1, in data/park_1
-  fieldtruth generate park_1 --no-cameras          only LiDAR, IMU, GNSS and tachometers: minutes, not hours
-  fieldtruth generate all --jobs 2 --seconds 60    a minute of each experiment, in data/all, two at a time
-  fieldtruth generate data/park_1/experiment.yaml --out again     the same bag again
-  fieldtruth preview park --seed 7                 a sheet: map, routes, views, point cloud and classes
-"""
 
 
 def _refuse_campaign_options(options: argparse.Namespace) -> None:
@@ -81,7 +72,7 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
 
 
 def _status(options: argparse.Namespace) -> None:
-    from fieldtruth.campaign.draw import Shard, draw
+    from fieldtruth.campaign.draw import Shard, draw, ranges
     from fieldtruth.campaign.files import CAMPAIGN, load_campaign
     from fieldtruth.campaign.state import state_of
 
@@ -93,7 +84,15 @@ def _status(options: argparse.Namespace) -> None:
     parts = len(runs) if options.shards is None else options.shards
     shards = [next(i for i in range(1, parts + 1) if Shard(i, parts).has(k)) for k in range(len(runs))]
     shown = [(state, i) for state, i in zip(states, shards, strict=True) if state.is_left or not options.missing]
-    print(_TEXTS[options.format](options.folder, [state for state, _ in shown], [i for _, i in shown]))
+    chosen = [state for state, _ in shown]
+    if options.format == "json":
+        print(json.dumps([{"run": s.run.name, "state": s.kind, "reason": s.reason} for s in chosen]))
+    elif options.format == "lines":
+        print("\n".join(state.run.name for state in chosen))
+    elif options.format == "slurm":
+        print(ranges(i for _, i in shown))
+    else:
+        print(_status_text(options.folder, chosen))
 
 
 def warn_of_missing(folder: Path) -> None:
@@ -110,7 +109,7 @@ def warn_of_missing(folder: Path) -> None:
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
 
 
-def _text(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
+def _status_text(folder: Path, states: "Sequence[State]") -> str:
     from fieldtruth.campaign.state import Kind, clock, counts, size, time_left_s
 
     running = sum(state.kind is Kind.RUNNING for state in states)
@@ -120,23 +119,6 @@ def _text(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
     head = f"{folder}: {counts(states)}; {size(made)}{left}"
     rows = [f"  {s.kind:<7}  {s.run.name}{': ' * bool(s.reason)}{s.reason}" for s in states if s.kind is not Kind.DONE]
     return "\n".join([head, *rows])
-
-
-def _json(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
-    return json.dumps([{"run": s.run.name, "state": s.kind, "reason": s.reason} for s in states])
-
-
-def _lines(folder: Path, states: "Sequence[State]", _: Sequence[int]) -> str:
-    return "\n".join(state.run.name for state in states)
-
-
-def _slurm(folder: Path, states: "Sequence[State]", shards: Sequence[int]) -> str:
-    from fieldtruth.campaign.draw import ranges
-
-    return ranges(shards)
-
-
-_TEXTS: Final = {"text": _text, "json": _json, "lines": _lines, "slurm": _slurm}
 
 
 def _checked_experiment(name_or_path: str) -> "Experiment":
@@ -150,17 +132,11 @@ def _checked_experiment(name_or_path: str) -> "Experiment":
 
 def _generate(options: argparse.Namespace) -> int | None:
     from fieldtruth.campaign.files import is_campaign
+    from fieldtruth.experiment.files import with_overrides
 
     if is_campaign(options.experiment):
         return _generate_campaign(options, _engine(options))
     _refuse_campaign_options(options)
-    _generate_one(options)
-    return None
-
-
-def _generate_one(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.files import with_overrides
-
     experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
@@ -176,6 +152,7 @@ def _generate_one(options: argparse.Namespace) -> None:
             progress=progress,
         )
     _print_bag(bag, start)
+    return None
 
 
 def _print_bag(bag: Path, start: float) -> None:
@@ -311,105 +288,13 @@ def _bench(options: argparse.Namespace) -> None:
         print("\n\n".join(f"{name}\n{table(figures)}" for name, figures in found.items()))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Arguments
-
-
-def add_commands(command: AddCommand) -> None:
-    """Add the sub-commands."""
-    _add_generate(command("generate", _generate, "Simulate an experiment and write the bag.", EXAMPLES))
-    degrade = command("degrade", _degrade, "Add to a finished run what real sensors add: the bag of generate --signal.")
-    degrade.add_argument("run_path", metavar="RUN", type=Path, help="folder of a run, or its bag")
-    degrade.add_argument("--signal", metavar="SIGNAL", default="datasheet", help="datasheet (default) or a YAML FILE")
-    degrade.add_argument("--out", metavar="DIR", required=True, help="folder of data sets")
-    degrade.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
-    add_workers(degrade, "the bag")
-
-    _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
-    _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
-    lists = command(
-        "list",
-        _list,
-        "List the experiments and environments, or the sensors, robots, label maps or formats that have a name.",
-    )
-    lists.add_argument(
-        "what",
-        metavar="LIST",
-        nargs="?",
-        help="experiments, environments (these two), sensors, robots, label-maps or formats",
-    )
-    time = "It takes about a minute; the first run adds up to three, to build world and light and to compile kernels."
-    bench = command("bench", _bench, "Measure the speed of this machine.", time)
-    bench.add_argument(
-        "--environment", metavar="ENVIRONMENT", default="park", help="name from `fieldtruth list`, or all (park)"
-    )
-    bench.add_argument("--json", action="store_true", help="JSON instead of a table")
-    _add_status(command("status", _status, "Show which runs of a campaign are done."))
-
-
-def _add_generate(generate: Parser) -> None:
-    generate.add_argument(
-        "experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, all, or a YAML file, also of a campaign"
-    )
-    generate.add_argument("--out", metavar="DIR", help="folder for data sets (data), or of the campaign (data/NAME)")
-    generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
-    generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
-    add_workers(generate, "the bag")
-    generate.set_defaults(workers=None)  # all cores, shared by the jobs of a campaign
-    generate.add_argument(
-        "--scheduler", metavar="ADDRESS", help="make it on a Dask cluster: tcp://host:8786, or a scheduler file"
-    )
-    generate.add_argument("--local-cluster", metavar="N", type=count, help="make it in N processes of this machine")
-    generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
-    generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
-    generate.add_argument(
-        "--extras",
-        metavar="LIST",
-        type=words,
-        help="more images of each camera, separated by commas: depth, instances, normals, flow",
-    )
-    generate.add_argument(
-        "--signal", metavar="SIGNAL", help="ideal, datasheet, robot or FILE: readings as of real sensors"
-    )
-    generate.add_argument("--light", metavar="NAME", help="preset of the light, such as overcast; see docs/light.md")
-    generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
-    _add_campaign_arguments(generate)
-
-
-def _add_preview(preview: Parser) -> None:
-    preview.add_argument("environment", metavar="ENVIRONMENT", help="name from `fieldtruth list`")
-    preview.add_argument("--seed", metavar="N", type=seed, default=0, help="root of all randomness (0)")
-    preview.add_argument("--out", metavar="FILE", help=".png file, or .jpg below 400 kB (ENVIRONMENT_SEED_preview.png)")
-    preview.add_argument("--overwrite", action="store_true", help="replace an existing file")
-    add_workers(preview, "the sheet")
-
-
-def _add_shares(shares: Parser) -> None:
-    shares.add_argument(
-        "experiments", metavar="EXPERIMENT", nargs="*", help="names from `fieldtruth list`, all, or YAML files"
-    )
-    shares.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
-    shares.add_argument("--json", action="store_true", help="counts as JSON instead of tables in percent")
-    add_workers(shares, "the result")
-
-
-def _add_campaign_arguments(generate: Parser) -> None:
-    """Add the options of ``generate`` that are for campaigns only."""
-    group = generate.add_argument_group("campaigns")
-    group.add_argument(
-        "--jobs", metavar="N", type=count, help="runs side by side, each in a process (1), or on a cluster"
-    )
-    group.add_argument("--shard", metavar="I/N", help="only part I of N, counted from 1")
-    group.add_argument("--no-estimate", action="store_true", help="start without measuring time, bytes and memory")
-
-
-def _add_status(status: Parser) -> None:
-    status.add_argument("folder", metavar="DIR", type=Path, help="folder of the campaign")
-    status.add_argument("--missing", action="store_true", help="only runs that the same command would make")
-    status.add_argument(
-        "--format", metavar="NAME", default="text", help="text or json; with --missing also lines or slurm"
-    )
-    status.add_argument(
-        "--shards", metavar="N", type=count, help="number of shards to which slurm's array refers (one per run)"
-    )
-    status.add_argument("--checksums", action="store_true", help="read all bags instead of their size and index")
+COMMANDS: Final = {
+    "generate": _generate,
+    "degrade": _degrade,
+    "preview": _preview,
+    "shares": _shares,
+    "list": _list,
+    "bench": _bench,
+    "status": _status,
+}
+"""Sub-commands by name."""

@@ -7,15 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
+from fieldtruth.cli.arguments import UsageError, checked_layout
 from fieldtruth.cli.generation import warn_of_missing
 from fieldtruth.cli.terminal import print_output
 from fieldtruth.core.progress import show_progress
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
-
-RUN: Final = "folder of a run, or a bag file"
 
 
 def _export(options: argparse.Namespace) -> None:
@@ -108,56 +106,11 @@ def _view(options: argparse.Namespace) -> None:
         print_output(Path(options.save))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Arguments
-
-
-def add_commands(command: AddCommand) -> None:
-    """Add the sub-commands."""
-    export = command("export", _export, "Export runs to another format.")
-    export.add_argument(
-        "runs", metavar="RUN", type=Path, nargs="+", help=f"{RUN}; for data sets, also a folder of runs"
-    )
-    export.add_argument(
-        "--to",
-        metavar="FORMAT",
-        required=True,
-        help="files, zip, semantickitti, kitti, kitti-object, tum, mcap, coco, occupancy, pcd, webdataset, "
-        "huggingface, mmseg, slam-configs or stereo-depth",
-    )
-    export.add_argument("--out", metavar="PATH", help="output (beside the bag, named after it)")
-    export.add_argument("--label-map", metavar="NAME", help="ontology: ganav6, goose, goose9, rellis or rugd")
-    export.add_argument("--split", metavar="NAME", help="of runs outside folders train, val and test (train)")
-    export.add_argument("--shard-mb", metavar="N", type=count, help="largest file of many frames [MB] (500)")
-    export.add_argument("--boxes", action="store_true", help="of coco: boxes of whole objects in image and space")
-    export.add_argument("--voxel", metavar="M", type=number, help="of occupancy: edge length of a voxel [m] (0.1)")
-    add_workers(export, "the output")
-
-    annotate = command("annotate", _annotate, "Add labelled images to a bag from another simulator.")
-    annotate.add_argument("bag", metavar="BAG", type=Path, help="bag with /gazebo/model_states or /ground_truth/odom")
-    annotate.add_argument("--environment", metavar="ENVIRONMENT", required=True, help="name from `fieldtruth list`")
-    annotate.add_argument("--seed", metavar="N", type=seed, help="seed of the world (that of the experiment, or 0)")
-    annotate.add_argument("--layout", metavar="FILE", type=Path, help="YAML file with changes to the world's layout")
-    annotate.add_argument("--lidar", action="store_true", help="also add labelled point clouds")
-    annotate.add_argument("--experiment", metavar="EXPERIMENT", help="source of rig, light, layout and seed")
-    annotate.add_argument("--robot", metavar="NAME", default="husky", help="name in /gazebo/model_states (husky)")
-    annotate.add_argument("--out", metavar="BAG", help="output file (BAG_annotated.bag)")
-    add_workers(annotate, "the bag")
-
-    validate = command("validate", _validate, "Check a run; exit code 1 if a check fails.")
-    validate.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    validate.add_argument("--json", action="store_true", help="JSON instead of text")
-    extent = validate.add_mutually_exclusive_group()
-    extent.add_argument("--quick", action="store_true", help="do not build the world and simulate readings again")
-    extent.add_argument("--full", action="store_true", help="render every image again, not only a sample")
-    validate.add_argument("--samples", metavar="N", type=count, default=20, help="number of stamps in the sample (20)")
-    add_workers(validate, "the result")
-
-    report = command("report", _report, "Write an HTML report of a run.")
-    report.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    report.add_argument("--out", metavar="FILE", help=".html file (beside the bag, named after it)")
-    report.add_argument("--overwrite", action="store_true", help="replace an existing file")
-
-    view = command("view", _view, "Show a run in the rerun viewer (pip install 'fieldtruth[view]').")
-    view.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    view.add_argument("--save", metavar="FILE", help="write an .rrd file instead of opening the viewer")
+COMMANDS: Final = {
+    "export": _export,
+    "annotate": _annotate,
+    "validate": _validate,
+    "report": _report,
+    "view": _view,
+}
+"""Sub-commands by name."""

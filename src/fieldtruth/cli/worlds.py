@@ -5,10 +5,9 @@
 import argparse
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
+from fieldtruth.cli.arguments import UsageError, checked_layout
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.files import output_path
@@ -19,36 +18,8 @@ if TYPE_CHECKING:
     from fieldtruth.experiment.config import Experiment
     from fieldtruth.world.model import World
 
-_SCENE_EXAMPLES: Final = """\
-examples:
-  fieldtruth scene park --to gltf                        park_0.glb, for Blender, three.js and others
-  fieldtruth scene lake --to obj --no-beyond --out lake  only what is inside the world's edge
-"""
-_GAZEBO_EXAMPLES: Final = """\
-examples:
-  fieldtruth gazebo park --flavour classic --out park     a package for Gazebo 11 and ROS 1; its README has commands
-  fieldtruth gazebo lake --flavour both --no-beyond --out lake      lake/classic and lake/gz, without the land around
-  fieldtruth gazebo park --flavour gz --experiment my.yaml --out my       with the sensors of an experiment
-"""
 _YAML: Final = (".yaml", ".yml")
 _ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": _YAML, "imu": _YAML}
-_RIG_EXAMPLES: Final = """\
-examples:
-  fieldtruth rig park_1                                  the tree of its frames and a table of its sensors
-  fieldtruth rig park_1 --preview                        park_1_rig.png: fields of view, blind spots
-  fieldtruth rig my.yaml --to urdf --out robot.urdf      for RViz and robot_state_publisher
-  fieldtruth rig my.yaml --to camchain                   the cameras for Kalibr
-  fieldtruth rig my.yaml --to imu                        the noise of the IMUs for Kalibr
-"""
-
-
-def add_world_arguments(parser: Parser) -> None:
-    """Add the environment, ``--seed`` and ``--layout``, which select a world."""
-    parser.add_argument("environment", metavar="ENVIRONMENT", help="name from `fieldtruth list`")
-    parser.add_argument("--seed", metavar="N", type=seed, default=0, help="root of all randomness (0)")
-    parser.add_argument(
-        "--layout", metavar="FILE", type=Path, help="YAML file with changes to the environment's layout"
-    )
 
 
 def selected_world(options: argparse.Namespace, default: Mapping[str, Any] | None = None) -> "World":
@@ -180,39 +151,5 @@ def _kind(entry: "Entry") -> str:
     return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Arguments
-
-
-def add_commands(command: AddCommand) -> None:
-    """Add the sub-commands."""
-    scene = command("scene", _scene, "Write an environment for other tools.", _SCENE_EXAMPLES)
-    add_world_arguments(scene)
-    scene.add_argument("--to", metavar="FORMAT", required=True, help="gltf, gltf-plain, obj, usd or inventory")
-    scene.add_argument("--out", metavar="PATH", help="file or folder (ENVIRONMENT_SEED and the format's ending)")
-    scene.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
-    scene.add_argument("--overwrite", action="store_true", help="replace an existing output")
-
-    gazebo = command("gazebo", _gazebo, "Write an environment and the robot for Gazebo and ROS.", _GAZEBO_EXAMPLES)
-    add_world_arguments(gazebo)
-    gazebo.set_defaults(seed=None)
-    gazebo.add_argument("--experiment", metavar="EXPERIMENT", help="source of rig, layout and seed")
-    gazebo.add_argument("--out", metavar="DIR", required=True, help="folder of the package")
-    gazebo.add_argument(
-        "--flavour",
-        metavar="NAME",
-        required=True,
-        help="classic (Gazebo 11, ROS 1), gz (the newer Gazebo, ROS 2) or both",
-    )
-    gazebo.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
-    gazebo.add_argument("--overwrite", action="store_true", help="replace an existing package")
-
-    rig = command("rig", _rig, "Show the robot's frames and sensors, or write them for other tools.", _RIG_EXAMPLES)
-    rig.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
-    rig.add_argument("--to", metavar="FORMAT", help="tree, urdf, camchain or imu (the tree and a table of the sensors)")
-    rig.add_argument("--preview", action="store_true", help="draw the robot, its fields of view and its blind spots")
-    rig.add_argument("--out", metavar="FILE", help="file (NAME_rig.png with --preview, else the terminal)")
-    rig.add_argument("--overwrite", action="store_true", help="replace an existing file")
-
-    cache = command("cache", _cache, "List the cached worlds, baked light and compiled kernels.")
-    cache.add_argument("--clear", action="store_true", help="remove them; later commands make them again")
+COMMANDS: Final = {"scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
+"""Sub-commands by name."""

@@ -373,6 +373,10 @@ class SensorConfig(Frozen):
         """Return how it takes its readings, as lines of the data card; ``named`` is what they call it."""
         return []
 
+    def kalibr(self) -> str:
+        """Return the file in which Kalibr reads its noise; empty for a kind that Kalibr has no such file of."""
+        return ""
+
     def measured(self, message: Any, points: Any) -> dict[str, Any]:
         """Return values that it has by a message of a bag without an experiment.
 

@@ -6,18 +6,17 @@ Its words about robot, environment, season, light and weather are those of the e
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import resources
-from string import Template
 from typing import Final
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.messages import fixed_transforms
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.classes import CLASSES, NO_RETURN
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
@@ -30,16 +29,13 @@ from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.world.model import World
 
-_FOLLOWED: Final = (
-    "The sensors of the rig follow the poses of a track file, without physics and wheels; `base_link` and the model "
-    "`husky` are what follows it, for"
+_TEMPLATES: Final = Environment(
+    loader=PackageLoader("fieldtruth.report", "."),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
 )
-_STANDING: Final = (
-    "Separate frames, each {content}: the robot stands on free ground at any heading, tilted and\n"
-    "raised at random. There is no motion, so there are no readings of IMU, GNSS and wheels, and all velocities are 0;"
-)
-_FIXED: Final = "`/tf` has the pose of `base_link` in the world"
-_TURNING: Final = f"{_FIXED} and those of the wheels in `base_link`"
 
 
 def robot_title(robot: RobotConfig) -> str:
@@ -48,16 +44,6 @@ def robot_title(robot: RobotConfig) -> str:
     if name.startswith("A robot"):
         return f"{robot.drive.replace('_', '-')} robot of {robot.mass:g} kg"
     return name if robot == RobotConfig(model=robot.model) else f"robot with figures other than a {name}'s"
-
-
-def body_words(robot: RobotConfig) -> dict[str, str]:
-    """Return the words of the card's part about physics that depend on the robot."""
-    return {
-        "wheels": "four wheels" if robot.caster is None else "two driven wheels and a caster",
-        "as_real": ", as on the real one" if robot.model == "husky" else "",
-        "mass": f"{robot.mass:g}",
-        "torque": f"{robot.max_torque:g}",
-    }
 
 
 def collection_of(experiments: Sequence[Experiment]) -> str:
@@ -143,7 +129,7 @@ def cloud_frames(rig: Rig) -> str:
 
 def ray_depths(rig: Rig) -> str:
     """Phrase about the cameras whose depth is along the ray: those that can see beyond 180 degrees."""
-    names = [f"`{camera.name}`" for camera in rig.enabled(ImagingConfig) if camera.lens.model not in FLAT]
+    names = [f"`{each.name}`" for each in rig.enabled(ImagingConfig) if each.lens.model not in FLAT]
     return f", of {', '.join(names)} along the ray" if names else ""
 
 
@@ -177,87 +163,41 @@ def data_card(
         measured: lines about what sensors have measured.
     """
     rig = experiment.rig
-    return _template("card.md").substitute(
-        name=experiment.name,
-        description=f"{experiment.description}\n" if experiment.description else "",
-        motion=_motion(experiment, track),
-        tf=_TURNING if rig.reports_wheels else _FIXED,
-        physics=_physics(experiment),
-        track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
-        environment=experiment.environment,
-        size="{:g} x {:g}".format(*world.size),
-        objects=len(world.instances),
+    return _TEMPLATES.get_template("card.md.jinja").render(
+        experiment=experiment,
+        robot=rig.robot,
+        title=robot_title(rig.robot),
+        world=world,
+        track=track,
+        track_file=TRACK,
+        length=np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum(),
+        content=frame_content(rig),
         version=fieldtruth.__version__,
-        seed=experiment.seed,
-        topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
+        counts=counts,
+        topics=topics_of_run(experiment, latched=latches_objects(experiment, len(world.instances))),
         objects_topic=objects_topic(counts),
-        sensors="\n".join([*sensor_lines(rig), *measured]),
+        sensors=[*sensor_lines(rig), *measured],
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
-        classes="\n".join(_classes()),
-        frames="\n".join(_frames(rig)),
-        limits=card_part("limits"),
-        licence=card_part("licence"),
+        classes=CLASSES,
+        no_return=NO_RETURN,
+        frames=_frames(rig),
+        odometry=note_lines(rig, Odometry),
+        inertial=note_lines(rig, Inertial),
     )
 
 
 def card_part(name: str) -> str:
     """Return a part of the card that is the same for all runs, as Markdown: ``limits`` or ``licence``."""
-    return _template(f"card_{name}.md").substitute().rstrip()
+    return _TEMPLATES.get_template(f"card_{name}.md.jinja").render().rstrip()
 
 
-def _motion(experiment: Experiment, track: Track) -> str:
-    if track.is_frames:
-        return f"{_STANDING.format(content=frame_content(experiment.rig))} {len(track.motion.stamps_ns)} frames of"
-    length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
-    subject = f"A simulated {robot_title(experiment.rig.robot)} drives" if experiment.drive is None else _FOLLOWED
-    return f"{subject} {length:.2f} m in {track.duration_s:.3f} s through"
-
-
-def _template(name: str) -> Template:
-    return Template(resources.files("fieldtruth.report").joinpath(name).read_text(encoding="utf-8"))
-
-
-def _physics(experiment: Experiment) -> str:
-    if experiment.frames is not None:
-        return (
-            "- Nothing moves: poses at successive stamps are far apart, and stamps only number them, 0.1 s apart. The\n"
-            "  robot stands on four points of the ground before it is tilted and raised."
-        )
-    imus = "\n".join(note_lines(experiment.rig, Inertial))
-    if experiment.drive is not None:
-        noise = ", and the IMU reads their noise" if imus else ""
-        return f"- The poses are those of the track file: no physics limits them{noise}.\n{imus}".rstrip()
-    odometry = "\n".join(note_lines(experiment.rig, Odometry))
-    physics = _template("card_physics.md").substitute(body_words(experiment.rig.robot)).rstrip()
-    return "\n".join(filter(None, (physics, odometry, imus)))
-
-
-def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) -> list[str]:
-    rows = ["| topic | type | Hz | messages |", "|---|---|---|---|"]
-    for topic in topics_of_run(experiment, latched=latched):
-        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz:g}"
-        rows.append(
-            f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"
-        )
-    return rows
-
-
-def _classes() -> list[str]:
-    rows = ["| id | class | RGB | |", "|---|---|---|---|"]
-    for label, name, rgb in CLASSES:
-        if label is not Label.VOID and rgb is not None:
-            rows.append(
-                f"| {int(label)} | {name} | {rgb[0]} {rgb[1]} {rgb[2]} | {'images only' * (label in NO_RETURN)} |"
-            )
-    return rows
-
-
-def _frames(rig: Rig) -> list[str]:
-    rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
+def _frames(rig: Rig) -> list[tuple[str, ...]]:
+    """Parent, child, position and quaternion of each fixed frame."""
+    rows = []
     for (parent, child), parent_from_child in fixed_transforms(rig).items():
-        xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
         wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
-        xyzw = ", ".join(f"{value:.6g}" for value in transforms.xyzw_from_wxyz(wxyz).round(9) + 0.0)
-        rows.append(f"| `{parent}` | `{child}` | {xyz} | {xyzw} |")
+        xyzw = transforms.xyzw_from_wxyz(wxyz).round(9)
+        numbers = (", ".join(f"{value:.6g}" for value in part + 0.0) for part in (parent_from_child[:3, 3], xyzw))
+        rows.append((parent, child, *numbers))
     return rows

@@ -227,16 +227,12 @@ class BagFile:
         self.tally[COUNTS].see(right, f"{where}: other first or last stamp")
 
 
-class OtherFile:
+class OtherFile(BagFile):
     """A bag of another format, such as MCAP: read once in time order; what must hold is that it can be read."""
 
     def __init__(self, stored: BagReader) -> None:
-        self.tally, self._stored = Tally(STRUCTURE), stored
-
-    @property
-    def readable(self) -> bool:
-        """True if everything could be read so far."""
-        return self.tally[READABLE].wrong == 0
+        super().__init__(stored.path, ())
+        self._stored = stored
 
     def messages(self) -> Iterator[RawMessage]:
         """Messages in time order. Damage ends the stream and fails the check."""
@@ -248,7 +244,7 @@ class OtherFile:
 
     def result(self) -> Check:
         """Return the check of the structure."""
-        self.tally.note = f"{self._stored.path.stat().st_size / 1e6:.1f} MB"
+        self.tally.note = f"{self.path.stat().st_size / 1e6:.1f} MB"
         return self.tally.result()
 
 

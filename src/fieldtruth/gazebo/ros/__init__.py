@@ -6,9 +6,7 @@ Topics of the newer Gazebo come to ROS 2 through ros_gz_bridge; images through r
 """
 
 import json
-import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,34 +32,6 @@ from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.world.model import World
 
-_DEPENDENCIES: Final = {
-    1: (
-        "compressed_image_transport",
-        "gazebo_plugins",
-        "gazebo_ros",
-        "geometry_msgs",
-        "hector_gazebo_plugins",
-        "robot_state_publisher",
-        "rosbag",
-        "rospy",
-        "sensor_msgs",
-        "std_msgs",
-        "velodyne_gazebo_plugins",
-        "xacro",
-    ),
-    2: (
-        "geometry_msgs",
-        "rclpy",
-        "robot_state_publisher",
-        "ros2bag",
-        "ros_gz_bridge",
-        "ros_gz_image",
-        "ros_gz_sim",
-        "rosbag2_storage_mcap",
-        "sensor_msgs",
-        "std_msgs",
-    ),
-}
 _CONFIG: Final = (
     "start: pose of base_link in the world [m, rad]; waypoints: latitude, longitude [deg]; the rest in SI units"
 )
@@ -73,65 +43,27 @@ _DEFAULTS: Final = {name: str(value).lower() for name, value in ARGUMENTS.items(
 
 
 def rviz_configuration(rig: Rig, ros: int) -> str:
-    """Return RViz's file for ROS 1 or 2: the cloud of each LiDAR, photograph and tag image of each camera or pair."""
-    text = (files("fieldtruth.gazebo.ros") / "templates" / "fieldtruth.rviz").read_text(encoding="utf-8")
-    text = "".join(_displays(block, rig) for block in re.split(r"(?m)^(?=    - Class: |  \w)", text))
-    text = _without_axes(text, rig)
-    if ros == 1:
-        return text
-    for panel in ("Displays", "Time", "Selection", "Views", "Tool Properties"):
-        text = text.replace(f"Class: rviz/{panel}\n", f"Class: rviz_common/{panel}\n")
-    # RViz of ROS 2 takes the transport from the end of the topic's name.
-    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: raw", r"Topic: \1", text)
-    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: (\w+)", r"Topic: \1/\2", text)
-    return text.replace("Class: rviz/", "Class: rviz_default_plugins/")
+    """Return RViz's file for ROS 1 or 2: the cloud of each LiDAR, photograph and tag image of each camera or pair.
+
+    The frames of cameras are hidden, because their optical frames hide them.
+    """
+    hidden = [imager.frame for each in rig.sensors if isinstance(each, ImagingConfig) for imager in each.imagers()]
+    sensors = {"scanners": rig.enabled(ScanningConfig), "imaging": rig.enabled(ImagingConfig)}
+    return render("ros", "fieldtruth.rviz.jinja", ros=ros, hidden_frames=hidden, **sensors)
 
 
-def _displays(block: str, rig: Rig) -> str:
-    """Repeat the display of a sensor for each sensor of that kind; with several, its name has theirs."""
-    if "- Class: rviz/PointCloud2\n" in block:
-        each = [(lidar.name, lidar.topic) for lidar in rig.enabled(ScanningConfig)]
-    elif "- Class: rviz/Image\n" in block:
-        each = [(camera.name, camera.imagers()[0].topic) for camera in rig.enabled(ImagingConfig)]
-    else:
-        return block
-    suffixes = [f", {name}" if len(each) > 1 else "" for name, _ in each]
-    return "".join(
-        re.sub(r"(Name: .*)", rf"\1{suffix}", block)
-        .replace("Topic: /os1_cloud_node/points\n", f"Topic: {topic}\n")
-        .replace("Topic: /stereo/camera/left/", f"Topic: {topic}/")
-        for suffix, (_, topic) in zip(suffixes, each, strict=True)
+def bridge_text(rig: Rig) -> str:
+    """Return ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
+    return render(
+        "ros",
+        "bridge.yaml.jinja",
+        topics=topics,
+        inertial=rig.giving(Inertial),
+        receivers=rig.giving(Fix),
+        scanners=rig.enabled(ScanningConfig),
+        cloud_topic=cloud_topic,
+        infos=[imager.topic_of("camera_info") for imager in rig.imagers],
     )
-
-
-def _without_axes(text: str, rig: Rig) -> str:
-    """Hide the cameras' frames, which their optical frames hide, and have the time follow the first cloud."""
-    hidden = "        {}:\n          Value: false\n"
-    cameras = [imager.frame for s in rig.sensors if isinstance(s, ImagingConfig) for imager in s.imagers()]
-    paper = "".join(hidden.format(f"{side}_camera") for side in ("left", "right"))
-    text = text.replace(paper, "".join(hidden.format(frame) for frame in cameras))
-    scanners = [scanner.name for scanner in rig.enabled(ScanningConfig)]
-    name = f"cloud by class, {scanners[0]}" if len(scanners) > 1 else "cloud by class" * len(scanners)
-    return text.replace("SyncSource: cloud by class\n", f"SyncSource: {name}".rstrip() + "\n")
-
-
-def bridge_table(rig: Rig) -> list[dict[str, Any]]:
-    """Return the rows of ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
-    infos = [imager.topic_of("camera_info") for imager in rig.imagers]
-    return [
-        _row(topics.CLOCK, "rosgraph_msgs/msg/Clock", "Clock"),
-        _row(topics.TF, "tf2_msgs/msg/TFMessage", "Pose_V"),
-        _row(topics.ODOMETRY, "nav_msgs/msg/Odometry", "Odometry"),
-        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.giving(Inertial)),
-        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.giving(Fix)),
-        _row("/joint_states", "sensor_msgs/msg/JointState", "Model"),
-        _row(topics.COMMANDS, "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
-        *(
-            _row(lidar.topic, "sensor_msgs/msg/PointCloud2", "PointCloudPacked", gz=f"{cloud_topic(lidar)}/points")
-            for lidar in rig.enabled(ScanningConfig)
-        ),
-        *(_row(f"{info}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=info) for info in infos),
-    ]
 
 
 def image_topics(rig: Rig) -> list[str]:
@@ -139,16 +71,6 @@ def image_topics(rig: Rig) -> list[str]:
     photographs = [imager.topic_of("photograph").removesuffix("/compressed") for imager in rig.imagers]
     kinds = ("labels_map", "colored_map")
     return [*photographs, *(f"{imager.topic}/segmentation/{kind}" for imager in rig.imagers for kind in kinds)]
-
-
-def _row(ros: str, ros_type: str, gz_type: str, *, gz: str = "", direction: str = "GZ_TO_ROS") -> dict[str, Any]:
-    return {
-        "ros_topic_name": ros,
-        "gz_topic_name": gz or ros,
-        "ros_type_name": ros_type,
-        "gz_type_name": f"gz.msgs.{gz_type}",
-        "direction": direction,
-    }
 
 
 def builtin_experiments(environment: str) -> tuple[Experiment, ...]:
@@ -203,8 +125,7 @@ def write_ros_package(
             write(folder / "launch" / f"{name}.launch", text)
     _write_shared_config(folder, world, rig, _again(chosen[0], world, rig, ros))
     if ros == 2:
-        text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
-        write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
+        write(folder / "config" / "bridge.yaml", bridge_text(rig))
     write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
 
 
@@ -233,7 +154,6 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
     return {
         "environment": world.name,
         "version": fieldtruth.__version__,
-        "dependencies": _DEPENDENCIES[ros],
         "experiments": list(configs),
         "start": next(iter(configs.values()))["start"],
         "world": world.name,

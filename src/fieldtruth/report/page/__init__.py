@@ -4,6 +4,7 @@
 
 import base64
 import hashlib
+import shlex
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -13,11 +14,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import fieldtruth
-from fieldtruth.bag.run import open_run
+from fieldtruth.bag.run import TRACK, open_run
 from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.report.drawing.style import fixed
+from fieldtruth.report.drawing.style import fixed, shortened
 from fieldtruth.report.page.content import PageContent, collect_content
 from fieldtruth.report.page.tables import ROWS
 
@@ -38,13 +39,20 @@ def render_page(content: PageContent) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"base64": _base64, "fixed": fixed}
+    environment.filters |= {
+        "base64": _base64,
+        "fixed": fixed,
+        "shortened": shortened,
+        "quote": shlex.quote,
+        "ascii": ascii,
+    }
     return environment.get_template("page.html.jinja").render(
         content=content,
         run=content.run,
         version=fieldtruth.__version__,
         policy=policy,
         max_rows=ROWS,
+        track_file=TRACK,
         style=Markup(_source("style.css")),
         scripts=[Markup(script) for script in scripts],
         numbers={

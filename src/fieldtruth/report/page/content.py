@@ -150,7 +150,9 @@ class PageContent:
 
     run: Run
     key_figures: list[tables.Figure]
-    about: dict[str, str]
+    made_by: str
+    """Version that made it, of a run with its experiment."""
+    first_fixes: dict[str, tuple[float, ...]]
     map: Map | None
     map_note: str
     samples: list[Sample]
@@ -172,8 +174,9 @@ class PageContent:
     topics: list[tuple[str, str, int, str]]
     checksums: dict[str, str]
     checksums_source: str
-    exports: list[tuple[str, str]]
-    snippets: list[tables.Snippet]
+    richest: tuple[str, str]
+    """Topic and expression of the first example."""
+    has_frames: bool
     notes: list[tuple[str, str]]
     """Topics that cannot be shown, with the reason."""
 
@@ -198,7 +201,8 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     return PageContent(
         run=run,
         key_figures=tables.key_figures(run, summary),
-        about=tables.about(run, summary),
+        made_by="" if run.experiment is None else tables.made_by(run),
+        first_fixes=summary.first_fixes,
         map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(cameras), None)),
         map_note=map_note,
         samples=samples,
@@ -217,8 +221,8 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         topics=tables.topic_rows(run),
         checksums=checksums,
         checksums_source=checksums_source,
-        exports=tables.export_commands(run),
-        snippets=tables.snippets(run),
+        richest=tables.richest_topic(run),
+        has_frames=tables.has_frames(run),
         notes=[
             (shortened(topic), shortened(why.replace(f" of {topic} at ", " at ")))
             for topic, why in sorted({**unreadable, **summary.unreadable}.items())

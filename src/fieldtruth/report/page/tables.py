@@ -3,7 +3,6 @@
 """Tables of a page: key figures, class shares, calibration, topics, checksums, and programs that load the run."""
 
 import math
-import shlex
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
@@ -14,6 +13,8 @@ from fieldtruth.bag.file import EXPERIMENT, TRACK, BagError
 from fieldtruth.bag.geometry import first_message
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.provenance import read_checksums, sha256_of
+from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
@@ -22,48 +23,11 @@ from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.report.drawing.maps import heading_of
-from fieldtruth.report.drawing.style import TIMES, class_colour, file_size, fixed, percent, shortened, trimmed
+from fieldtruth.report.drawing.style import TIMES, class_colour, file_size, percent, shortened, trimmed
 from fieldtruth.report.page.bag_pass import UNEXPECTED, BagSummary, published, usable_topics
 
 ROWS: Final = 200
 """Maximum number of rows of a table; a bag can have any number of topics and frames."""
-FORMATS: Final = {
-    "files": "PNG, CSV and text files with class shares, as the paper publishes them",
-    "zip": "the bag, compressed without loss, with its SHA-256",
-    "semantickitti": "clouds with labels, poses and calibration",
-    "kitti": "KITTI odometry: images, clouds, poses and calibration",
-    "kitti-object": "KITTI object detection: boxes of all visible objects",
-    "tum": "the true trajectory as a text file",
-    "mcap": "ROS 2 messages (CDR), for ROS 2 and Foxglove",
-    "coco": "COCO panoptic and detection JSON with images",
-    "occupancy": "the world's surfaces as voxels with classes",
-    "pcd": "a PCD file per cloud with labels and colours",
-    "webdataset": "tar files of frames, for training from a stream",
-    "huggingface": "Parquet tables with a card and Croissant metadata",
-    "mmseg": "images and train ids in MMSegmentation's layout",
-    "slam-configs": "configuration files of SLAM programs, and true poses of the sensors",
-    "stereo-depth": "depth from matching the photographs of a pair, with its errors",
-}
-"""Export formats and their content. Exporters are a higher layer; a test compares the names."""
-_FIELDTRUTH = """\
-from pathlib import Path
-import fieldtruth as ft
-
-for reading in ft.read_bag(Path({path}), [{topic}]):
-    print(reading.stamp_ns, {value})"""
-_ROSBAGS = """\
-from pathlib import Path
-from rosbags.highlevel import AnyReader
-
-with AnyReader([Path({path})]) as reader:
-    for connection, stamp_ns, raw in reader.messages():
-        message = reader.deserialize(raw, connection.msgtype)"""
-_PYTORCH = """\
-import fieldtruth as ft
-
-frames = ft.RunDataset({path}, items=("image", "mask", "cloud", "labels"))
-for frame in frames:
-    print(frame["stamp_ns"], frame["image"].shape)"""
 
 
 class Figure(NamedTuple):
@@ -137,38 +101,6 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
 
 def _count(run: Run, topics: Iterable[str]) -> int:
     return sum(run.counts.get(topic, 0) for topic in topics)
-
-
-def about(run: Run, summary: BagSummary) -> dict[str, str]:
-    """The experiment and the extent of the bag, as texts by term."""
-    found: dict[str, str] = {}
-    experiment = run.experiment
-    if experiment is not None:
-        layout = ", ".join(f"{key}: {value}" for key, value in experiment.layout.items())
-        light = experiment.light.values
-        found |= {
-            "Experiment": experiment.name,
-            "Environment": experiment.environment + (f" ({shortened(layout)})" if layout else ""),
-            "Seed": str(experiment.seed),
-            "Made by": f"fieldtruth {shortened(str(_version(run)))}",
-            "Light": experiment.light.text,
-            "Sun": f"azimuth {light.azimuth_deg:.4g}°, elevation {light.elevation_deg:.3g}°",
-        }
-        if not experiment.weather.is_clear:
-            found["Weather"] = experiment.weather.text
-        if experiment.frames is not None:
-            found["Motion"] = f"none: {experiment.frames.count} separate frames"
-        elif experiment.drive is None:
-            found["Commanded speed"] = f"{experiment.control.speed:g} m/s"
-        else:
-            found["Motion"] = f"along the poses of a track file, {TRACK}"
-        if experiment.seconds is not None:
-            found["Time limit"] = f"{experiment.seconds:g} s"
-    found["Stamps"] = f"{run.start_ns / 1e9:.3f} s to {run.end_ns / 1e9:.3f} s"
-    for sensor, (latitude, longitude, height) in summary.first_fixes.items():
-        term = f"First fix of {sensor}" if sensor else "First fix"
-        found[term] = f"{fixed(latitude, 7)}°, {fixed(longitude, 7)}°, {fixed(height, 2)} m"
-    return found | {"Messages": f"{sum(run.counts.values()):,} in {len(run.counts)} topics"}
 
 
 def class_rows(summary: BagSummary) -> tuple[list[ClassRow], ClassRow | None]:
@@ -314,53 +246,22 @@ def checksums(run: Run, progress: Progress) -> tuple[dict[str, str], str]:
     return {run.bag.name: digest}, f"{problem}No SHA256SUMS lists this bag; computed from the file"
 
 
-def _version(run: Run) -> Any:
+def made_by(run: Run) -> str:
+    """Version of fieldtruth that made a run with its experiment."""
     text = (run.folder / EXPERIMENT).read_text(encoding="utf-8")
-    return parse_mapping(text, EXPERIMENT).get(VERSION_KEY, "(unknown version)")
+    return shortened(str(parse_mapping(text, EXPERIMENT).get(VERSION_KEY, "(unknown version)")))
 
 
-class Snippet(NamedTuple):
-    """A few lines of code, with a title and their language."""
-
-    title: str
-    language: str
-    code: str
-
-
-def export_commands(run: Run) -> list[tuple[str, str]]:
-    """Content of each export format and the command that writes it."""
-    bag = shlex.quote(run.bag.name)
-    return [(content, f"fieldtruth export {bag} --to {name}") for name, content in FORMATS.items()]
-
-
-def snippets(run: Run) -> list[Snippet]:
-    """Programs and commands to run in the folder of the bag."""
-    bag, path = shlex.quote(run.bag.name), ascii(run.bag.name)
-    found = [
-        Snippet("fieldtruth", "Python", _fieldtruth(run, path)),
-        Snippet("rosbags, without ROS", "Python", _ROSBAGS.format(path=path)),
-    ]
-    clouds, images = run.of(Cloud, recorded=False)[:1], run.of(Image, recorded=False)[:1]
-    if clouds and images and all(each.has(run.counts) for each in (*clouds, *images)):
-        found.append(Snippet("PyTorch", "Python", _PYTORCH.format(path=path)))
-    if table.ODOMETRY in run.counts:
-        found.append(Snippet("evo", "shell", f"evo_traj bag {bag} {table.ODOMETRY} --plot"))
-    checksums = f"sha256sum -c {CHECKSUMS}\n" if (run.folder / CHECKSUMS).is_file() else ""
-    found += [
-        Snippet("ROS 1", "shell", f"rosbag info {bag}\nrosbag play --clock {bag}"),
-        Snippet("Validate", "shell", f"{checksums}fieldtruth validate {bag}"),
-        Snippet("View", "shell", f"fieldtruth view {bag}"),
-    ]
-    if run.experiment is not None:
-        found.append(Snippet("Reproduce", "shell", "fieldtruth generate experiment.yaml --out again"))
-    return found
-
-
-def _fieldtruth(run: Run, path: str) -> str:
-    """A program that reads the topic with the richest content."""
-    decoders = dict.fromkeys([lidar.topic for lidar in run.of(Cloud)], "ft.bag.points(reading.message)")
-    decoders |= dict.fromkeys(
-        [view.topics["label"] for view in run.of(Image, "label")], "ft.bag.image(reading.message)"
-    )
+def richest_topic(run: Run) -> tuple[str, str]:
+    """Return the topic with the richest content, and an expression for what a reading of it says."""
+    decoders = dict.fromkeys([source.topic for source in run.of(Cloud)], "ft.bag.points(reading.message)")
+    labels = [view.topics["label"] for view in run.of(Image, "label")]
+    decoders |= dict.fromkeys(labels, "ft.bag.image(reading.message)")
     topic = next((topic for topic in decoders if topic in run.counts), min(run.counts))
-    return _FIELDTRUTH.format(path=path, topic=ascii(topic), value=decoders.get(topic, "reading.message"))
+    return topic, decoders.get(topic, "reading.message")
+
+
+def has_frames(run: Run) -> bool:
+    """Whether the bag has the first cloud and the first image of its rig."""
+    clouds, images = run.of(Cloud, recorded=False)[:1], run.of(Image, recorded=False)[:1]
+    return bool(clouds and images) and all(each.has(run.counts) for each in (*clouds, *images))

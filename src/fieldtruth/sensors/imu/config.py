@@ -4,14 +4,23 @@
 
 Figures have the names of Kalibr where it has one (its wiki, "IMU Noise Model"); the processes are those of IEEE Std
 952, annex C. ``sensing.py`` states the formulas.
+
+Kalibr refuses a noise of zero (``ConfigReader.py``, ``checkGyroStatistics``), and knows neither bias instability nor
+axes. So of three densities the largest is written, and where there is no random walk, one that is as large as the bias
+instability: its Allan deviation K sqrt(tau / 3) meets the flat bottom B at the averaging time (N / B)^2 at which white
+noise does, K = sqrt(3) B^2 / N. Where a sensor has neither, or no noise at all, ``LEAST`` is written.
 """
 
+import math
+import warnings
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field
 
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Inertial, Reading
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.fields import Boolean, Mount, Number, Positive, Rate
 from fieldtruth.experiment.sensor_config import (
     FrameName,
@@ -64,6 +73,14 @@ class ImuSignal(SignalConfig):
     """Whether the sensor gives no attitude: ROS marks it by -1 as first number of its covariance."""
 
 
+LEAST: Final = 1e-6
+"""Written for Kalibr instead of zero, in the unit of the key: less than any IMU has, and enough to divide by."""
+_UNITS: Final = {
+    "accelerometer_noise_density": "m/s^2/sqrt(Hz)",
+    "accelerometer_random_walk": "m/s^3/sqrt(Hz)",
+    "gyroscope_noise_density": "rad/s/sqrt(Hz)",
+    "gyroscope_random_walk": "rad/s^2/sqrt(Hz)",
+}
 _SAMPLING: Final = {
     "mean": "reads means over the interval that ends at the stamp, from the motion at 1 kHz: turns about all\n"
     "  axes are added up as rotations, and the specific force is expressed in `{frame}` at the stamp.",
@@ -113,6 +130,32 @@ class ImuConfig(MountedConfig):
         """Return how it samples the motion."""
         return [f"{named} {_SAMPLING[self.sampling].format(frame=self.frame)}"]
 
+    def kalibr(self) -> str:
+        """Return the text of Kalibr's imu.yaml."""
+        comments = [f"Kalibr's imu.yaml of {self.name}, frame {self.frame}"]
+        noise: dict[str, float] = {}
+        for triad in ("accelerometer", "gyroscope"):
+            figures = (f"{triad}_{name}" for name in ("noise_density", "random_walk", "bias_instability"))
+            density, walk, bottom = (_largest(getattr(self.signal or ImuSignal(), name)) for name in figures)
+            if not walk and bottom and density:
+                walk = math.sqrt(3.0) * bottom**2 / density
+                comments.append(f"{triad}_random_walk stands for the bias instability, {bottom:.3g}")
+            noise |= {f"{triad}_noise_density": density, f"{triad}_random_walk": walk}
+        if zeros := [key for key, value in noise.items() if value < LEAST]:
+            what = f"{self.name}: {', '.join(zeros)} below {LEAST:g}, which Kalibr needs and which is written instead"
+            warnings.warn(what, FieldtruthWarning, stacklevel=3)
+            comments.append(what)
+        data: dict[str, Any] = {"rostopic": self.topic, "update_rate": self.rate_hz}
+        data |= {key: max(value, LEAST) for key, value in noise.items()}
+        lines = write_mapping(data).splitlines()
+        units = [f"{line}  # {_UNITS[key]}" if (key := line.split(":")[0]) in _UNITS else line for line in lines]
+        return "".join(f"# {comment}\n" for comment in comments) + "\n".join(units) + "\n"
+
     def outputs(self) -> tuple[Output, ...]:
         """Its readings, and the ideal ones if it is not ideal."""
         return self.with_truth(self.output(self.new_topic(self.topic, "sensor_msgs/msg/Imu"), reading=Inertial))
+
+
+def _largest(figure: float | tuple[float, ...]) -> float:
+    """Return that of the axis with the largest."""
+    return max(figure) if isinstance(figure, tuple) else figure
