@@ -14,7 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import fieldtruth
-from fieldtruth.bag.run import TRACK, open_run
+from fieldtruth.bag.file import TRACK
+from fieldtruth.bag.run import open_run
 from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent

@@ -9,12 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import EXPERIMENT, TRACK, BagError
+from fieldtruth.bag.file import EXPERIMENT, BagError
 from fieldtruth.bag.geometry import first_message
-from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.bag.run import Run
 from fieldtruth.bag.provenance import read_checksums, sha256_of
-from fieldtruth.bag.run import EXPERIMENT, Run
+from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
