@@ -3,7 +3,6 @@
 """The RViz configuration fits a recorded bag: its topics, message types, frames and range of classes."""
 
 from collections.abc import Iterator
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,8 +11,9 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.gazebo.ros import rviz_configuration
 
-CONFIGURATION: Final = files("fieldtruth") / "gazebo/ros/templates/fieldtruth.rviz"
 MESSAGES: Final = {
     "rviz/PointCloud2": "sensor_msgs/msg/PointCloud2",
     "rviz/Odometry": "nav_msgs/msg/Odometry",
@@ -23,7 +23,7 @@ MESSAGES: Final = {
 
 @pytest.fixture(scope="module")
 def settings() -> dict[str, Any]:
-    return dict(yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8"))["Visualization Manager"])
+    return dict(yaml.safe_load(rviz_configuration(Rig(), ros=1))["Visualization Manager"])
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +94,6 @@ def test_colours_span_all_classes_of_a_field_of_the_cloud(displays: dict[str, An
 
 
 def test_both_images_have_a_place_in_the_window(displays: dict[str, Any]) -> None:
-    window = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8"))["Window Geometry"]["QMainWindow State"]
+    window = yaml.safe_load(rviz_configuration(Rig(), ros=1))["Window Geometry"]["QMainWindow State"]
     for name, display in displays.items():
         assert (name.encode("utf-16-be").hex() in window) == (display["Class"] == "rviz/Image"), name

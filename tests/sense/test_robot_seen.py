@@ -15,7 +15,7 @@ from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.robot import NO_FACE, RIM
-from fieldtruth.report.rig.coverage import ground_coverage
+from fieldtruth.report.rig.picture import ground_coverage
 from fieldtruth.sense.robot import (
     METAL,
     PAINT,

@@ -112,8 +112,6 @@ class Choice(Frozen):
 
 
 Distribution = Uniform | Integers | Choice
-
-
 _KEYS: Final[dict[str, type[Distribution]]] = {"uniform": Uniform, "integers": Integers, "choice": Choice}
 
 

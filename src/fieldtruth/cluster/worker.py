@@ -116,11 +116,7 @@ def cluster_errors() -> Iterator[None]:
 
 
 _worlds: Final = Recent[str, World](_KEPT)
-
-
 _slices: Final = Recent[str, Slices](_KEPT)
-
-
 _writing: Final = Recent[str, Lock](1000)
 
 

@@ -92,7 +92,8 @@ class _Log:
         for view in run.of(Image, recorded=False):
             if run.calibration.has_lens(view.name):
                 self._lens(run.calibration.lens(view.name))
-        logged = [*self._sensors(), *((run.messages(t), send) for t, send in self._topics() if t in run.counts)]
+        others = ((table.ODOMETRY, self._odometry), (table.TF, self._wheel_frames))
+        logged = [*self._sensors(), *((run.messages(topic), send) for topic, send in others if topic in run.counts)]
         jobs = [(stamp, k, row) for k, (each, _) in enumerate(logged) for row, stamp in _shown(each)]
         with progress.stage("log the run", run.duration_s) as advance:
             for stamp, k, row in counted(sorted(jobs), advance, run.duration_s, len(jobs)):
@@ -119,9 +120,6 @@ class _Log:
                     yield run[sensor.name], partial(log, name)
         for wheels in run.of(WheelSpeeds):
             yield run[wheels.name], self._wheels
-
-    def _topics(self) -> list[tuple[str, Callable[[Any], None]]]:
-        return [(table.ODOMETRY, self._odometry), (table.TF, self._wheel_frames)]
 
     def _set_time(self, stamp_ns: int) -> None:
         if stamp_ns < _EPOCH_NS:

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout of a preview sheet: title, aerial view, camera images with labels, cloud, class shares."""
+"""Layout of a preview sheet: title, aerial view, camera images with labels, cloud, class shares.
+
+Over the aerial view lie routes, waypoints and starts (paper, Figures 8 to 11), viewpoints, scale and north.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
@@ -10,19 +13,121 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, SemanticClass
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
-from fieldtruth.report.drawing.maps import distance_along
-from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, PIXELS, POINTS, class_colour, percent
-from fieldtruth.report.preview.content import SheetContent
-from fieldtruth.report.preview.map import WAYPOINT_RADIUS, badge, draw_map
+from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
+from fieldtruth.report.drawing.style import (
+    FONT,
+    HAIRLINE,
+    INK,
+    MUTED,
+    PIXELS,
+    POINTS,
+    RED,
+    ROUTES,
+    class_colour,
+    percent,
+)
+from fieldtruth.report.preview.content import Route, SheetContent, View
 from fieldtruth.report.shares import ClassShares
 from fieldtruth.sensors.camera.labels import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
+
+WAYPOINT_RADIUS: Final = 3.0
+"""Radius [m] of the circles (paper, section 3)."""
+_ARROW_SPACING: Final = 24.0  # [m]
+_SCALE: Final = 10.0  # [m]
+_FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
+
+
+def draw_map(axes: Axes, content: SheetContent) -> None:
+    """Draw on axes whose unit is the pixel of the aerial view."""
+    aerial = content.aerial
+    for route in content.routes:
+        for waypoint in route.waypoints[1:]:
+            ring = aerial.ground_pixels(arc(waypoint, WAYPOINT_RADIUS))
+            axes.fill(*ring.T, facecolor=(1.0, 0.23, 0.19, 0.10), edgecolor=RED, linewidth=1.1)
+    for k, route in enumerate(content.routes):
+        line, colour = aerial.ground_pixels(route.path), ROUTES[k % len(ROUTES)]
+        axes.plot(*line.T, color=colour, linewidth=2.0, path_effects=_halo(3.6, "white", 0.75))
+        _draw_arrows(axes, line, route.path, colour)
+        _draw_start(axes, line[0], route, colour, aerial)
+    for number, view in enumerate(content.views, 1):
+        assert content.camera is not None
+        _draw_viewpoint(axes, aerial, view, number, content.camera)
+    _draw_scale_and_north(axes, aerial)
+
+
+def badge(axes: Axes, column: float, row: float, number: int) -> None:
+    """Draw a small dark disc with a number at a pixel."""
+    disc = {"boxstyle": "circle,pad=0.22", "facecolor": INK, "edgecolor": "white", "linewidth": 1.0}
+    _write(axes, column, row, str(number), 7.0, color="white", va="center_baseline", bbox=disc, zorder=7)
+
+
+def _halo(width: float, colour: str, alpha: float) -> list[AbstractPathEffect]:
+    return [withStroke(linewidth=width, foreground=colour, alpha=alpha)]
+
+
+def _write(axes: Axes, column: float, row: float, text: str, size: float, **options: Any) -> None:
+    style: dict[str, Any] = {"family": FONT, "weight": "bold", "ha": "center", "va": "center"} | options
+    axes.text(column, row, text, fontsize=size, **style)
+
+
+def _arrow(axes: Axes, tail: Array, head: Array, **options: Any) -> None:
+    style: dict[str, Any] = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0} | options
+    axes.annotate("", (head[0], head[1]), (tail[0], tail[1]), arrowprops=style)
+
+
+def _draw_arrows(axes: Axes, line: Array, path: Array, colour: str) -> None:
+    distance = distance_along(path)
+    shape = "-|>,head_width=0.34,head_length=0.55"
+    style = {"arrowstyle": shape, "color": colour, "linewidth": 0.0, "path_effects": _halo(1.4, "white", 1.0)}
+    for row in np.searchsorted(distance, np.arange(_ARROW_SPACING / 2, distance[-1], _ARROW_SPACING)):
+        _arrow(axes, line[max(row - 12, 0)], line[row], mutation_scale=13, **style)
+
+
+def _draw_start(axes: Axes, start: Array, route: Route, colour: str, aerial: Aerial) -> None:
+    """Draw a cross at the start and the experiment's name behind it."""
+    for width, ink in ((4.4, "white"), (2.4, colour)):
+        axes.plot(*start, marker="x", markersize=9, markeredgewidth=width, color=ink, zorder=5)
+    ahead = route.path[min(60, len(route.path) - 1)] - route.path[0]
+    back = -ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    size = np.array(aerial.photo.shape[1::-1])
+    column, row = np.clip(start + back * (0.028, -0.018) * size[0], 0.03 * size, 0.97 * size)
+    shape = "round,pad=0.32,rounding_size=0.6"
+    plate = {"boxstyle": shape, "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
+    _write(axes, column, row, route.name, 7.6, color=INK, bbox=plate, zorder=6)
+
+
+def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, camera: Imager) -> None:
+    x, y, heading = view.viewpoint
+    seen = np.array([x, y, heading + heading_of(camera)])
+    fov = np.radians(camera.config.horizontal_fov_deg)
+    outline = aerial.ground_pixels(sector(seen, _FIELD_OF_VIEW, fov))
+    axes.fill(*outline.T, facecolor="white", alpha=0.45, linewidth=0.0, zorder=3)
+    badge(axes, outline[0, 0], outline[0, 1], number)
+
+
+def _draw_scale_and_north(axes: Axes, aerial: Aerial) -> None:
+    """Draw a scale bar and an arrow to the north in the lower right corner."""
+    ground = float(aerial.field.heights.mean())
+    length = np.diff(aerial.pixels([(-_SCALE / 2, 0.0, ground), (_SCALE / 2, 0.0, ground)])[:, 0])[0]
+    size = np.array(aerial.photo.shape[1::-1])
+    end = size * (0.975, 0.955)
+    start, text_row = end - (length, 0.0), end[1] - 0.014 * size[1]
+    shadow = _halo(3.2, "black", 0.55)
+    text = {"color": "white", "va": "bottom", "weight": "normal", "path_effects": _halo(1.8, "black", 0.6)}
+    axes.plot(*np.array([start, end]).T, color="white", linewidth=2.0, solid_capstyle="butt", path_effects=shadow)
+    _write(axes, float(start[0] + end[0]) / 2, text_row, f"{_SCALE:.0f} m", 7.4, **text)
+    tail, head = start - (0.056 * size[0], 0.0), start - (0.022 * size[0], 0.0)
+    _arrow(axes, tail, head, color="white", linewidth=1.6, mutation_scale=11, path_effects=shadow)
+    _write(axes, float(tail[0] + head[0]) / 2, text_row, "north", 7.4, **text)
 
 
 class Paper:
@@ -36,7 +141,7 @@ class Paper:
         self.figure = Figure(figsize=(width, height), dpi=pixels / width, facecolor="white")
         self._canvas = FigureCanvasAgg(self.figure)
 
-    def _axes(self, left: float, top: float, width: float, height: float) -> Axes:
+    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
         """Add an empty drawing area whose upper left corner is at ``left``, ``top``."""
         box = (left / self.width, 1.0 - (top + height) / self.height, width / self.width, height / self.height)
         axes = self.figure.add_axes(box)
@@ -45,7 +150,7 @@ class Paper:
 
     def image_at(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
         """Draw an image (h, w, 3) into a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
-        axes = self._axes(left, top, width, height)
+        axes = self.axes(left, top, width, height)
         axes.imshow(image, aspect="auto", interpolation="antialiased")
         axes.set_autoscale_on(False)
         return axes
@@ -56,6 +161,11 @@ class Paper:
         written = self.figure.text(left / self.width, 1.0 - baseline / self.height, content, fontsize=size, **style)
         renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
         return float(written.get_window_extent(renderer).width / self.figure.dpi)
+
+    def heading(self, left: float, top: float, title: str, caption: str) -> None:
+        """Write a title and a caption beside it, above what begins at ``top``."""
+        width = self.text(left, top - 0.13, title, 10.5, weight="bold")
+        self.text(left + width + 0.14, top - 0.13, caption, 8.2, color=MUTED)
 
     def box(self, left: float, top: float, width: float, height: float, colour: str, **options: Any) -> None:
         """Draw a filled rectangle with options of matplotlib's Rectangle."""
@@ -121,16 +231,16 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     cloud_top = views_top + 2 * view_height + 0.05 + _HEADING
     paper = Paper(WIDTH, cloud_top + _CLOUD[1] + _EDGE, pixels)
     _write_title(paper, content.world)
-    _write_heading(paper, _EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
+    paper.heading(_EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
     draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content)
-    _write_heading(paper, _EDGE, views_top, "Camera views", _views_caption(content))
+    paper.heading(_EDGE, views_top, "Camera views", _views_caption(content))
     for number, view in enumerate(content.views, 1):
         left, photo = _EDGE + (number - 1) * (column + _GAP), view.images.photo
         axes = paper.image_at(photo, left, views_top, column, view_height)
         badge(axes, 0.058 * photo.shape[1], 0.1 * photo.shape[0], number)
         paper.image_at(tag_image(view.images.label), left, views_top + view_height + 0.05, column, view_height)
     points = f"{len(content.cloud.label):,}".replace(",", " ")
-    _write_heading(paper, _EDGE, cloud_top, "Labelled cloud", f"{content.cloud.scans} scans, {points} points")
+    paper.heading(_EDGE, cloud_top, "Labelled cloud", f"{content.cloud.scans} scans, {points} points")
     paper.image_at(_cloud_image(content, pixels), _EDGE, cloud_top, *_CLOUD)
     _draw_chart(paper, content, cloud_top)
     return paper.render()
@@ -145,11 +255,6 @@ def _write_title(paper: Paper, world: World) -> None:
     right = WIDTH - _EDGE
     paper.text(right, 0.6, f"seed {world.seed}   ·   {size}   ·   {len(world.instances)} objects", 9.2, ha="right")
     paper.text(right, 0.88, f"{triangles:.1f} million triangles in objects", 9.2, ha="right", color=MUTED)
-
-
-def _write_heading(paper: Paper, left: float, top: float, title: str, caption: str) -> None:
-    width = paper.text(left, top - 0.13, title, 10.5, weight="bold")
-    paper.text(left + width + 0.14, top - 0.13, caption, 8.2, color=MUTED)
 
 
 def _map_caption(content: SheetContent) -> str:
@@ -206,7 +311,7 @@ def view_of(xyz: Array, towards: Sequence[float], *, fov_deg: float, aspect: flo
 def _draw_chart(paper: Paper, content: SheetContent, top: float) -> None:
     left = _EDGE + _CLOUD[0] + 0.42
     where = "along the routes" if content.routes else "at random"
-    _write_heading(paper, left, top, "Class shares", f"from {len(content.viewpoints)} viewpoints {where}")
+    paper.heading(left, top, "Class shares", f"from {len(content.viewpoints)} viewpoints {where}")
     for k, (name, colour) in enumerate((("pixels", PIXELS), ("points", POINTS))):
         paper.box(left + 1.52 + 0.72 * k, top + 0.035, 0.13, 0.1, colour)
         paper.text(left + 1.71 + 0.72 * k, top + 0.122, name, 7.4)
