@@ -27,7 +27,7 @@ from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -174,7 +174,9 @@ def test_photographs_that_are_timed_are_those_that_are_recorded(
     monkeypatch.setattr(IdealCamera, "render", passing(IdealCamera.render, 1.0))
     monkeypatch.setattr(BareTracer, "trace", passing(BareTracer.trace, 0.5))
     experiment = EXPERIMENT.model_copy(update={"seconds": 2.2})
-    found = measure(Settings(experiment=experiment.model_copy(update={"rig": Rig(sensors=RIG.cameras)}), views=3))
+    found = measure(
+        Settings(experiment=experiment.model_copy(update={"rig": Rig(sensors=RIG.enabled(CameraConfig))}), views=3)
+    )
     assert found["photograph_over_bare"] == pytest.approx(2.0, rel=1e-9)
     assert found["image_efficiency"] == pytest.approx(0.5, rel=1e-9)
 
@@ -209,7 +211,7 @@ def test_figures_are_those_of_the_sensors_that_a_rig_has(
 
 
 def test_pixels_outside_the_image_circle_have_finite_bare_rays() -> None:
-    fisheye = next(camera for camera in many_rig().cameras if camera.name == "fisheye")
+    fisheye = next(camera for camera in many_rig().enabled(CameraConfig) if camera.name == "fisheye")
     rays = pixel_directions(fisheye)
     np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, rtol=1e-5)
     assert rays[0, 0].tolist() == [0.0, 0.0, 1.0]

@@ -19,7 +19,7 @@ from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment, metres_from_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.record.streams import streams_of
@@ -62,7 +62,7 @@ eight = pytest.mark.parametrize(
 
 
 def test_built_in_experiments_are_those_of_the_table() -> None:
-    assert set(experiment_names()) == set(TABLE_4)
+    assert set(EXPERIMENTS) == set(TABLE_4)
 
 
 @pytest.mark.parametrize("name", TABLE_4)

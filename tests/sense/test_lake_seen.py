@@ -11,7 +11,7 @@ from sense_worlds import built_scene, make_world, trace_rays
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -59,7 +59,7 @@ def lake() -> Scene:
 
 
 def lines() -> list[Line]:
-    experiments = [load_experiment(name) for name in experiment_names()]
+    experiments = [load_experiment(name) for name in EXPERIMENTS]
     routes = [metres_from_route(e.route) for e in experiments if e.environment == "lake"]
     return [Line.through([(float(x), float(y)) for x, y in route], smooth=False) for route in routes]
 

@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.campaign.config import BUILT_IN, MOST_RUNS, PRODUCT, Campaign, Tree, axis, drawn, entries
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig, metres_from_route
 from fieldtruth.experiment.fields import configuration_error
 from fieldtruth.experiment.files import load_experiment, with_overrides
@@ -314,7 +314,7 @@ def _built_in(environment: str) -> list[str]:
 
 @cache
 def _catalogue() -> dict[str, Experiment]:
-    return {name: load_experiment(name) for name in experiment_names()}
+    return {name: load_experiment(name) for name in EXPERIMENTS}
 
 
 def changed_values(experiment: Experiment, changes: Mapping[str, Any]) -> dict[str, Any]:

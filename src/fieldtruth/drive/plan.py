@@ -36,7 +36,7 @@ from fieldtruth.drive.routes import NODE_CLEARANCE, RandomRoutePlanner, check_ro
 from fieldtruth.drive.simulate import Checkpoint, Drive, drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.drive.traversability import Traversability
-from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import (
     FRAME_RATE,
     Experiment,
@@ -202,7 +202,7 @@ def _planned(
 
 def experiments_in(environment: str) -> list[Experiment]:
     """Return the built-in experiments of an environment, by name."""
-    experiments = map(load_experiment, experiment_names())
+    experiments = map(load_experiment, EXPERIMENTS)
     return [experiment for experiment in experiments if experiment.environment == environment]
 
 

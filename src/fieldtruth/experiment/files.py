@@ -12,7 +12,7 @@ from pydantic import ValidationError
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
-from fieldtruth.experiment.catalogue import experiment_names, experiment_text
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.sensor_config import KINDS, SIGNAL, WORDS, SensorConfig, with_signal_files
@@ -38,10 +38,10 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed, file of a newer version.
     """
     text = str(name_or_path)
-    if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
+    if text not in EXPERIMENTS and (_looks_like_path(name_or_path) or Path(text).is_file()):
         folder = Path(name_or_path).parent
         return _beside(parse_experiment(read_text(Path(name_or_path)), text, folder), folder)
-    return parse_experiment(experiment_text(text), f"experiment {text}")
+    return parse_experiment(EXPERIMENTS.find(text), f"experiment {text}")
 
 
 def parse_experiment(text: str, source: str = "", folder: Path | None = None) -> Experiment:

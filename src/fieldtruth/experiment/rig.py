@@ -21,12 +21,12 @@ from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConf
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.configs import CONFIGS
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -208,11 +208,6 @@ class Rig(Frozen):
         return self.robot.wheels
 
     @property
-    def wheel_speed_topics(self) -> tuple[str, ...]:
-        """Topics of the speeds of its wheels."""
-        return WHEEL_SPEEDS[: len(self.wheels.names)]
-
-    @property
     def base_footprint(self) -> Mount:
         """Frame on the ground below base_link."""
         return self.robot.footprint
@@ -238,34 +233,9 @@ class Rig(Frozen):
         return next((output.rate_hz for output in outputs if issubclass(output.reading, reading)), None)
 
     @property
-    def lidars(self) -> tuple[LidarConfig, ...]:
-        """The LiDARs that are enabled."""
-        return self.enabled(LidarConfig)
-
-    @property
-    def cameras(self) -> tuple[CameraConfig, ...]:
-        """The cameras and stereo pairs that are enabled."""
-        return self.enabled(CameraConfig)
-
-    @property
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the sensors that are enabled."""
         return tuple(imager for sensor in self.enabled(ImagingConfig) for imager in sensor.imagers())
-
-    @property
-    def imus(self) -> tuple[ImuConfig, ...]:
-        """The inertial measurement units that are enabled."""
-        return self.enabled(ImuConfig)
-
-    @property
-    def antennas(self) -> tuple[GnssConfig, ...]:
-        """The GNSS receivers that are enabled."""
-        return self.enabled(GnssConfig)
-
-    @property
-    def wheel_odometry(self) -> WheelOdometryConfig | None:
-        """The wheel odometry, if it is enabled."""
-        return next(iter(self.enabled(WheelOdometryConfig)), None)
 
     @property
     def reports_wheels(self) -> bool:

@@ -3,17 +3,16 @@
 """Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
-from collections.abc import Callable, Mapping
-from functools import partial
-from importlib.metadata import entry_points
+from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.core.readings import Message, Reading
-from fieldtruth.core.registry import load_module, user_folders
+from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.catalogue import datasheet_of, figures_of, models, preset_of
 from fieldtruth.experiment.fields import (
@@ -115,12 +114,12 @@ class SignalConfig(Frozen):
     """Figures of a real sensor; each kind has a subclass. Without any value given, nothing differs from ideal."""
 
 
-def signal_values(given: Any, kind: str, model: str) -> Any:
+def signal_values(given: Any, family: str, model: str) -> Any:
     """Return the figures that ``signal`` of a sensor means: a mapping, or None for ideal.
 
     Args:
         given: value of the key.
-        kind: kind of sensor.
+        family: of the sensor's kind.
         model: whose data sheet ``datasheet`` means.
 
     Raises:
@@ -128,12 +127,12 @@ def signal_values(given: Any, kind: str, model: str) -> Any:
     """
     if given is None or given in (IDEAL, CLEAN):
         return None
-    if given == ROBOT and (preset := preset_of(kind, ROBOT)):
+    if given == ROBOT and (preset := preset_of(family, ROBOT)):
         return preset
     if given in (DATASHEET, ROBOT):
         if not model:
             raise LocatedError("must be ideal: this kind of sensor has no data sheet", [SIGNAL])
-        return datasheet_of(kind, model)
+        return datasheet_of(family, model)
     if not isinstance(given, str):
         return given
     if not given.endswith(_ENDINGS):
@@ -204,8 +203,8 @@ class SensorConfig(Frozen):
     """Name of such a sensor in texts, like ``LiDAR``; empty: its kind."""
     gives: ClassVar[type[Reading]] = Message
     """Type of its readings."""
-    models_of: ClassVar[str] = ""
-    """Folder of its models in ``models``, and of entry points; empty: its kind."""
+    family: ClassVar[str] = ""
+    """Folder of its models in ``models``, and of entry points, which other kinds may share; by default its kind."""
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
     needs_wheels: ClassVar[bool] = False
@@ -245,7 +244,7 @@ class SensorConfig(Frozen):
         super().__pydantic_init_subclass__(**kwargs)
         kind = cls.model_fields["kind"].default
         if isinstance(kind, str):
-            KINDS[kind] = cls
+            KINDS[kind], cls.family = cls, vars(cls).get("family", kind)
 
     @model_validator(mode="before")
     @classmethod
@@ -260,13 +259,15 @@ class SensorConfig(Frozen):
     def _of_model(cls, given: Any) -> Any:
         if not isinstance(given, Mapping):
             return given
-        kind, model = str(cls.model_fields["kind"].default), given.get("model")
-        if isinstance(model, str) and model not in models(kind):
-            nearest = ", ".join(nearest_first(model, models(kind))) or "none"
+        kind, model = cls.model_fields["kind"].default, given.get("model")
+        known = models(cls.family)
+        if isinstance(model, str) and model not in known:
+            nearest = ", ".join(nearest_first(model, known)) or "none"
             raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
-        values = cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        values = cls.completed(dict(given), figures_of(cls.family, model) if isinstance(model, str) else {})
         if SIGNAL in values:
-            values[SIGNAL] = signal_values(values[SIGNAL], kind, model if isinstance(model, str) else cls.datasheet)
+            model = model if isinstance(model, str) else cls.datasheet
+            values[SIGNAL] = signal_values(values[SIGNAL], cls.family, model)
         return values
 
     @classmethod
@@ -417,31 +418,22 @@ class MountedConfig(SensorConfig):
         return {self.frame: self.mount}
 
 
-GROUP: Final = "fieldtruth.sensors"
-"""Entry points of packages with kinds of sensors: each names a module."""
+def _import(name: str, given: Any) -> ModuleType:
+    return load_module(f"fieldtruth_sensors_{name}", given) if isinstance(given, Path) else given
 
 
-def load_added_kinds() -> dict[str, str]:
-    """Import the modules of other packages and of the user that define kinds of sensors; return kind and description.
+_MODULES: Final[Registry[ModuleType]] = Registry("module of sensors", "sensors", ".py", _import, {})
+"""Modules of other packages and of the user; the import of one makes the kinds that it defines known."""
+
+
+def load_added_kinds() -> None:
+    """Import the modules of other packages and of the user that define kinds of sensors.
 
     Raises:
         ConfigurationError: one of them cannot be imported.
     """
-    for point in entry_points(group=GROUP):
-        _load(f"the sensors of the entry point {point.name} = {point.value}", point.load)
-    for folder in user_folders():
-        for path in sorted((folder / "sensors").glob("*.py")):
-            _load(str(path), partial(load_module, f"fieldtruth_sensors_{path.stem}", path))
-    own = __name__.partition(".")[0]
-    added = {kind: config for kind, config in KINDS.items() if config.__module__.partition(".")[0] != own}
-    return {kind: (config.__doc__ or "").strip().partition("\n")[0] for kind, config in sorted(added.items())}
-
-
-def _load(what: str, load: Callable[[], Any]) -> None:
-    try:
-        load()
-    except Exception as error:  # whatever the code of others raises
-        raise ConfigurationError(f"{what} cannot be imported: {type(error).__name__}: {error}") from error
+    for name in _MODULES:
+        _MODULES[name]
 
 
 def sensor_of(value: Any) -> SensorConfig:

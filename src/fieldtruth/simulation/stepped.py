@@ -16,7 +16,7 @@ from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track
-from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.rig import Rig
@@ -83,7 +83,7 @@ def experiment_for(
 
 def _in_environment(environment: str | None, world: World | None) -> Experiment:
     name = environment or (world.name if world is not None else "")
-    built_in = (load_experiment(each) for each in experiment_names())
+    built_in = (load_experiment(each) for each in EXPERIMENTS)
     if world is None and (same := next((each for each in built_in if each.environment == name), None)) is not None:
         return same
     metres = [world.size[0] / 2 - _FREE if world is not None else 10.0, 0.0]

@@ -15,7 +15,7 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.rig import Rig, visible_parts
-from fieldtruth.experiment.sensor_families import Imager
+from fieldtruth.experiment.sensor_families import Imager, ScanningConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
@@ -190,7 +190,10 @@ def _views(
 
 def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
-    lidars = [(IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor) for config in rig.lidars]
+    lidars = [
+        (IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor)
+        for config in rig.enabled(ScanningConfig)
+    ]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)

@@ -14,8 +14,10 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
 from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.report.rig.coverage import (
@@ -215,7 +217,12 @@ def draw_rig(rig: Rig, name: str, pixels: int = PIXELS) -> NDArray[np.uint8]:
     rows = (min(len(views), _ROWS) + 1) // 2
     paper = Paper(_WIDTH, max(_ABOVE_TOP + _ABOVE_HEIGHT, _LEGEND_TOP + 0.5 + 0.36 * rows) + _EDGE, pixels)
     paper.text(_EDGE - 0.02, 0.6, f"Rig of {name}", 22, weight="bold")
-    kinds = {"LiDAR": rig.lidars, "camera view": rig.imagers, "IMU": rig.imus, "GNSS receiver": rig.antennas}
+    kinds = {
+        "LiDAR": rig.enabled(ScanningConfig),
+        "camera view": rig.imagers,
+        "IMU": rig.giving(Inertial),
+        "GNSS receiver": rig.giving(Fix),
+    }
     counts = (f"{len(found)} {kind}{'s' * (len(found) != 1)}" for kind, found in kinds.items())
     paper.text(_EDGE, 0.86, ", ".join(counts), 9, color=MUTED)
     _heading(

@@ -120,8 +120,9 @@ def camchain_text(rig: Rig) -> str:
         entry["rostopic"] = imager.topic_of("photograph")
         if chain:
             entry["T_cn_cnm1"] = _rows(transforms.inverse(base_from_cam) @ last)
-        if rig.imus:
-            entry["T_cam_imu"] = _rows(transforms.inverse(base_from_cam) @ rig.imus[0].mount.base_from_sensor)
+        if rig.enabled(ImuConfig):
+            base_from_imu = rig.enabled(ImuConfig)[0].mount.base_from_sensor
+            entry["T_cam_imu"] = _rows(transforms.inverse(base_from_cam) @ base_from_imu)
             entry["timeshift_cam_imu"] = 0.0
         lines.append(f"# {name}: {imager.name}, frame {imager.optical_frame}\n")
         chain[name], last = entry, base_from_cam
@@ -165,9 +166,9 @@ def imu_text(rig: Rig) -> str:
     Raises:
         ConfigurationError: the rig has no IMU that is enabled.
     """
-    if not rig.imus:
+    if not rig.enabled(ImuConfig):
         raise ConfigurationError("rig.sensors: no IMU for Kalibr: the rig has none that is enabled")
-    return "---\n".join(_document(config) for config in rig.imus)
+    return "---\n".join(_document(config) for config in rig.enabled(ImuConfig))
 
 
 def _document(config: ImuConfig) -> str:

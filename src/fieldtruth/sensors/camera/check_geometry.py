@@ -36,6 +36,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.lenses import Lens
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.sensors.kind import SensorWorld
@@ -483,7 +484,7 @@ class CameraInfos(Checker):
 
     def finish(self) -> None:
         """Finish the checks after the last message."""
-        for camera in self._context.rig.cameras:
+        for camera in self._context.rig.enabled(CameraConfig):
             imagers = camera.imagers()
             if len(imagers) == 2 and all(imager.name in self._first for imager in imagers):
                 self._check_baseline(*imagers)
