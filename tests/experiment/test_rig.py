@@ -12,7 +12,7 @@ from many_sensors import many_rig, many_sensors
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
 from fieldtruth.core import transforms
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -50,6 +50,12 @@ def test_the_short_form_changes_the_papers_sensors() -> None:
     )
     assert parsed({"tachometers": {"enabled": False}}).enabled(WheelOdometryConfig) == ()
     assert parsed({"odometry": {"rate_hz": 20.0}}).enabled(WheelOdometryConfig)[0].rate_hz == 20.0
+
+
+def test_the_earlier_name_of_the_papers_cameras_warns() -> None:
+    with pytest.warns(FieldtruthWarning, match=r"^stereo is now called cameras$"):
+        rig = paper_rig(stereo=StereoConfig(width=64))
+    assert rig == paper_rig(cameras=StereoConfig(width=64)) == parsed({"cameras": {"width": 64}})
 
 
 def test_the_short_form_changes_the_first_sensor_of_a_list() -> None:

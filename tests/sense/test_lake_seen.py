@@ -74,7 +74,7 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the camera all of them, by the LiDAR all but water and sky."""
-    rig, hit, seen = paper_rig(stereo=StereoConfig(width=432, height=240)), set[int](), set[int]()
+    rig, hit, seen = paper_rig(cameras=StereoConfig(width=432, height=240)), set[int](), set[int]()
     lidar, camera = IdealLidar(rig.lidar, lake), LabelCamera(rig.stereo, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):

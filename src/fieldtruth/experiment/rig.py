@@ -7,6 +7,7 @@ its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` 
 """
 
 import itertools
+import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
@@ -14,6 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
@@ -315,10 +317,13 @@ def paper_rig(
     gnss: GnssConfig | None = None,
     wheel_odometry: WheelOdometryConfig | None = None,
     lidar: LidarConfig | None = None,
+    cameras: StereoConfig | None = None,
     stereo: StereoConfig | None = None,
 ) -> Rig:
-    """Return the paper's rig, with other settings of the sensors that are given."""
-    given = (imu, gnss, wheel_odometry, lidar, stereo)
+    """Return the paper's rig, with other settings of the sensors that are given; ``cameras`` was called ``stereo``."""
+    if stereo is not None:
+        warnings.warn("stereo is now called cameras", FieldtruthWarning, stacklevel=2)
+    given = (imu, gnss, wheel_odometry, lidar, cameras or stereo)
     return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))
 
 
