@@ -8,7 +8,8 @@ its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` 
 
 import itertools
 import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, part, sensor_of
+from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, check_model, part, sensor_of
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
@@ -64,12 +65,23 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     for i, sensor in enumerate(sensors):
+        with _at("sensors", i):
+            check_model(sensor)
         if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
             at = ("sensors", i, "clock", "jitter_s")
             raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
         if sensor.enabled and (sensor.sees or not sensor.in_hull):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))
+
+
+@contextmanager
+def _at(*at: str | int) -> Iterator[None]:
+    """Put a position in front of that of a rule that is broken."""
+    try:
+        yield
+    except LocatedError as error:
+        raise LocatedError(str(error), (*at, *error.at)) from error
 
 
 def _differ(
@@ -201,6 +213,8 @@ class Rig(Frozen):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        with _at("robot"):
+            self.robot.check_model()
         check_sensors(self.sensors, self._own_frames(), self.robot)
         return self
 

@@ -3,7 +3,7 @@
 """Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
@@ -16,6 +16,7 @@ from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.catalogue import datasheet_of, figures_of, models, preset_of
 from fieldtruth.experiment.fields import (
+    CLEARLY,
     Boolean,
     Frozen,
     LocatedError,
@@ -458,6 +459,42 @@ def sensor_of(value: Any) -> SensorConfig:
     if config.needs_mount and "mount" not in value:
         raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
     return part(config, value)
+
+
+def check_model(sensor: SensorConfig) -> None:
+    """Check that the values of a sensor with a model are not all those of another model, or of none.
+
+    A stored experiment has every value of a sensor, so that to change ``model`` there would change the name alone.
+
+    Raises:
+        LocatedError: the first figure that is of another model; or the signal, if it is another's data sheet.
+    """
+    config, model = type(sensor), sensor.model
+    if model is None:
+        return
+    given = config.completed({}, figures_of(config.family, model)).keys() - {"rate_hz"}
+    figures, signal = [key for key in config.model_fields if key in given], [SIGNAL] * (sensor.signal is not None)
+    clear = _unlike(sensor, model, figures)
+    keys = figures if len(clear) >= CLEARLY else _unlike(sensor, model, signal)
+    for other in (None, *models(config.family)) if keys else ():
+        if other != model and not _unlike(sensor, other, keys):
+            key = clear[0] if keys is figures else SIGNAL
+            whose = "without a model" if other is None else f"of the model {other}"
+            raise LocatedError(
+                f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}; "
+                f"leave out what {model} shall give, or give the other model",
+                [key],
+            )
+
+
+def _unlike(sensor: SensorConfig, model: str | None, keys: Sequence[str]) -> list[str]:
+    """Return the keys in which a sensor differs from one of a model with the same rate, and a real one's signal."""
+    values = {"model": model, "rate_hz": sensor.rate_hz, **({SIGNAL: DATASHEET} if SIGNAL in keys else {})}
+    try:
+        other = part(type(sensor), values)
+    except PartError:  # a model that has no such rate
+        return list(keys)
+    return [key for key in keys if getattr(sensor, key) != getattr(other, key)]
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:
