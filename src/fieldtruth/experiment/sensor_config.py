@@ -249,19 +249,14 @@ class SensorConfig(Frozen):
 
     @model_validator(mode="before")
     @classmethod
-    def _named(cls, given: Any) -> Any:
-        name = given.get("name") if isinstance(given, Mapping) else None
-        if not isinstance(name, str) or name == cls.model_fields["name"].default:
-            return given
-        return {**cls.of_name(name), **given}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_model(cls, given: Any) -> Any:
+    def _completed(cls, given: Any) -> Any:
+        """Add what name, model and data sheet give."""
         if not isinstance(given, Mapping):
             return given
-        kind, model = cls.model_fields["kind"].default, given.get("model")
-        known = models(cls.family)
+        kind, name, model = cls.model_fields["kind"].default, given.get("name"), given.get("model")
+        known, has_own_name = models(cls.family), isinstance(name, str) and name != cls.model_fields["name"].default
+        if has_own_name and "mount" in cls.model_fields and "mount" not in given:
+            raise LocatedError(f"is required: {condition_at(cls, ['mount'])}", ["mount"])
         if isinstance(model, str) and model not in known:
             nearest = ", ".join(nearest_first(model, known)) or "none"
             raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
@@ -269,7 +264,7 @@ class SensorConfig(Frozen):
         if SIGNAL in values:
             model = model if isinstance(model, str) else cls.datasheet
             values[SIGNAL] = signal_values(values[SIGNAL], cls.family, model)
-        return values
+        return cls.of_name(str(name)) | values if has_own_name else values
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -395,14 +390,6 @@ class MountedConfig(SensorConfig):
     mount: Mount
     frame: FrameName
 
-    @model_validator(mode="before")
-    @classmethod
-    def _mounted(cls, given: Any) -> Any:
-        own = cls.model_fields["name"].default
-        if isinstance(given, Mapping) and "mount" not in given and given.get("name", own) != own:
-            raise LocatedError(f"is required: {condition_at(cls, ['mount'])}", ["mount"])
-        return given
-
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
@@ -480,11 +467,8 @@ def check_model(sensor: SensorConfig) -> None:
         if other != model and not _unlike(sensor, other, keys):
             key = clear[0] if keys is figures else SIGNAL
             whose = "without a model" if other is None else f"of the model {other}"
-            raise LocatedError(
-                f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}; "
-                f"leave out what {model} shall give, or give the other model",
-                [key],
-            )
+            what = f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}"
+            raise LocatedError(f"{what}; leave out what {model} shall give", [key])
 
 
 def _unlike(sensor: SensorConfig, model: str | None, keys: Sequence[str]) -> list[str]:
