@@ -15,7 +15,7 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.rig import Rig, visible_parts
-from fieldtruth.experiment.sensor_families import Imager, ScanningConfig
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
@@ -23,6 +23,7 @@ from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
 
@@ -192,7 +193,7 @@ def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
     lidars = [
         (IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor)
-        for config in rig.enabled(ScanningConfig)
+        for config in rig.enabled(LidarConfig)
     ]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
