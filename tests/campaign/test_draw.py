@@ -186,7 +186,7 @@ def test_overrides_apply_to_all_sensors_of_a_kind() -> None:
     assert not rig_of(cameras=False).enabled(CameraConfig)
     assert len(rig_of(cameras=False).enabled(LidarConfig)) == 2
     assert not rig_of(lidar=False).enabled(LidarConfig)
-    assert all((c.depth, c.instances) == (True, False) for c in rig_of(extras=("depth",)).cameras)
+    assert all((c.depth, c.instances) == (True, False) for c in rig_of(extras=("depth",)).enabled(CameraConfig))
 
 
 def test_the_digest_of_a_run_follows_every_sensor() -> None:

@@ -62,26 +62,6 @@ def stretches_of(duration_s: float, views: int, workers: int) -> Stretches:
     return Stretches(tuple(seconds), -(-views // len(seconds)))
 
 
-class Recorded(NamedTuple):
-    """Time [s] of a recording, and what it recorded."""
-
-    took_s: float
-    images: int
-    scans: int
-
-
-def record(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, *, workers: int) -> Recorded:
-    """Record what the cameras and LiDARs of a rig see, with ``workers`` threads.
-
-    The time is that of all threads over their number, as in a long recording, in which none waits at the end.
-    """
-    with recording(baked, track, rig, stretches, workers) as slices, ThreadPoolExecutor(workers) as pool:
-        took = sum(pool.map(lambda k: float(seconds_of(slices.make_one, k)[1]), stretches.seconds)) / workers
-    clouds = {lidar.topic for lidar in rig.enabled(LidarConfig)}
-    scans = sum(len(stream.stamps_ns) for stream in slices.streams if clouds.issuperset(stream.topics))
-    return Recorded(took, sum(len(stream.stamps_ns) for stream in slices.streams) - scans, scans)
-
-
 @contextmanager
 def recording(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> Iterator[Slices]:
     """Give the slices of what the cameras and LiDARs of a rig see, to be made by ``workers`` threads."""

@@ -59,17 +59,6 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
     return validated(data, source)
 
 
-def load_layout(path: Path) -> dict[str, Any]:
-    """Read a YAML file with changes to an environment's layout, for example ``old_trees: 60``.
-
-    The world checks keys and values (``world.build.check_layout``), not this.
-
-    Raises:
-        ConfigurationError: unreadable or invalid file.
-    """
-    return parse_mapping(read_text(path), str(path))
-
-
 def dump_experiment(experiment: Experiment) -> str:
     """Return the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
 

@@ -62,7 +62,7 @@ class Output(NamedTuple):
     ideal: bool = False
     """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
     clock: str = ""
-    """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
+    """Part of the sensor that loses readings by a draw of its own; see ``record.streams.series_of``."""
     frame: str = ""
     """Frame in the headers of its messages; empty if they have none."""
     reading: type[Reading] = Message
