@@ -5,7 +5,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from fieldtruth.bench.sensors import measure_cameras, measure_lidars, recording, stretches_of
 from fieldtruth.core.errors import ConfigurationError
@@ -76,9 +76,8 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         driven = simulation.drive()
     with progress.stage("bake the light"):
         baked, track = driven.sensor_world.baked, driven.track
-    rig = made.rig.model_copy(
-        update={"sensors": tuple(map(_often, (*made.rig.enabled(CameraConfig), *made.rig.enabled(LidarConfig))))}
-    )
+    sensors = (*made.rig.enabled(CameraConfig), *made.rig.enabled(LidarConfig))
+    rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     stretches = stretches_of(track.duration_s, settings.views, workers)
     with progress.stage("LiDAR"):
         found = measure_lidars(scene, track, rig, stretches._replace(views=_SCANS), workers)
@@ -89,11 +88,6 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
         found |= measure_cameras(baked, track, rig, stretches, slices, workers)
     return found | peak
-
-
-def _often(config: Any) -> Any:
-    """Return a sensor that reads in each second."""
-    return config.model_copy(update={"rate_hz": max(1.0, config.rate_hz)})
 
 
 def peak_memory() -> dict[str, float]:

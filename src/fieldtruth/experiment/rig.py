@@ -128,13 +128,11 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
     robot = part(RobotConfig, rest.get("robot", {}), "robot").model_dump()
     for key, config in ROBOT_SECTIONS.items():
         if key in given:
-            value = {**robot[key], **given[key]} if _is_change(given[key], robot[key]) else given[key]
+            value, known = given[key], robot[key]
+            if isinstance(value, Mapping) and isinstance(known, Mapping):
+                value = {**known, **value}
             robot[key] = part(config, value, key).model_dump()
     return {**rest, "robot": part(RobotConfig, robot)}
-
-
-def _is_change(value: Any, known: Any) -> bool:
-    return isinstance(value, Mapping) and isinstance(known, Mapping)
 
 
 _OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",

@@ -406,11 +406,13 @@ class MountedConfig(SensorConfig):
         return {self.frame: self.mount}
 
 
-def _import(name: str, given: Any) -> ModuleType:
-    return load_module(f"fieldtruth_sensors_{name}", given) if isinstance(given, Path) else given
-
-
-_MODULES: Final[Registry[ModuleType]] = Registry("module of sensors", "sensors", ".py", _import, {})
+_MODULES: Final[Registry[ModuleType]] = Registry(
+    "module of sensors",
+    "sensors",
+    ".py",
+    lambda name, found: load_module(f"fieldtruth_sensors_{name}", found) if isinstance(found, Path) else found,
+    {},
+)
 """Modules of other packages and of the user; the import of one makes the kinds that it defines known."""
 
 
