@@ -246,7 +246,7 @@ def test_the_older_keys_change_the_robot() -> None:
     rig = parse_experiment(
         text("rig: {robot: jackal, wheels: {radius: 0.12}, base_footprint: {xyz: [0, 0, -0.1]}}")
     ).rig
-    assert (rig.wheels.radius, rig.wheels.half_track, rig.base_footprint.xyz) == (0.12, 0.187795, (0.0, 0.0, -0.1))
+    assert (rig.wheels.radius, rig.wheels.half_track, rig.robot.footprint.xyz) == (0.12, 0.187795, (0.0, 0.0, -0.1))
     assert Rig(wheels=WheelConfig(half_track=0.3)).mounts()["rear_left_wheel"].xyz == (-0.256, 0.3, 0.03282)  # type: ignore[call-arg]
 
 

@@ -100,14 +100,14 @@ def with_overrides(
     values |= {
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
-    rig = experiment.rig
-    rig = rig.switched(**{switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None})
+    switches = {switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None}
+    rig = experiment.rig.with_each(lambda each: {"enabled": switches[each.switch]} if each.switch in switches else {})
     if extras is not None:
         known = [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
         for name in extras:
             if name not in known:
                 raise UnknownNameError("extra", name, known)
-        rig = rig.with_extras(extras)
+        rig = rig.with_each(lambda each: {name: name in extras for name in each.extras})
     dumped = rig.model_dump()
     if signal is not None:
         signals = _signals(signal, rig.sensors)

@@ -8,7 +8,7 @@ its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` 
 
 import itertools
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
@@ -221,11 +221,6 @@ class Rig(Frozen):
         """The robot's wheels."""
         return self.robot.wheels
 
-    @property
-    def base_footprint(self) -> Mount:
-        """Frame on the ground below base_link."""
-        return self.robot.footprint
-
     def giving(self, reading: type[Reading]) -> tuple[MountedConfig, ...]:
         """Return the sensors in a frame of their own that are enabled and whose readings are of a type."""
         return tuple(each for each in self.enabled(MountedConfig) if issubclass(each.gives, reading))
@@ -288,14 +283,6 @@ class Rig(Frozen):
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
         return self.with_each(lambda sensor: values if isinstance(sensor, config) else {})
 
-    def switched(self, **on: bool) -> Self:
-        """Return a rig with all sensors of a ``switch`` on or off: ``switched(cameras=False)``."""
-        return self.with_each(lambda sensor: {"enabled": on[sensor.switch]} if sensor.switch in on else {})
-
-    def with_extras(self, names: Collection[str]) -> Self:
-        """Return a rig whose sensors publish these of their ``extras``, and no others."""
-        return self.with_each(lambda sensor: {name: name in names for name in sensor.extras})
-
     def with_each(self, change: Callable[[SensorConfig], Mapping[str, Any]]) -> Self:
         """Return a rig in which each sensor has the values that ``change`` returns for it."""
         changed = tuple(sensor.model_copy(update=change(sensor)) for sensor in self.sensors)
@@ -315,7 +302,7 @@ class Rig(Frozen):
             for side, axle in itertools.product(("right", "left"), ("front", "rear"))
             if f"{axle}_{side}" in w.names
         }
-        return wheels | {"base_footprint": self.base_footprint}
+        return wheels | {"base_footprint": self.robot.footprint}
 
     def _first(self, config: type[_Config]) -> _Config:
         enabled = self.enabled(config)

@@ -317,9 +317,10 @@ class SensorConfig(Frozen):
     def output(
         self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
     ) -> Output:
-        """Return a series of readings of the sensor, or of a part of it."""
+        """Return a series of readings of the sensor, or of a part of it; in its own frame, unless another is given."""
         name = f"{self.name}/{part}" if part else self.name
-        return Output(name, topics, part, clock=clock, frame=frame, reading=reading)
+        own = frame or next(iter(self.frames()), "")
+        return Output(name, topics, part, clock=clock, frame=own, reading=reading)
 
     def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
         """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
@@ -394,12 +395,6 @@ class MountedConfig(SensorConfig):
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
         return {"topic": f"/{name}", "frame": f"{name}_link"}
-
-    def output(
-        self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
-    ) -> Output:
-        """Return a series of readings in its frame, or in another one."""
-        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame, reading=reading)
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""

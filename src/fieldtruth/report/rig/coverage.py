@@ -24,7 +24,7 @@ _PIXELS: Final = 97  # rays along the longer side of an image, borders included
 
 def ground_height(rig: Rig) -> float:
     """Height [m] of flat ground on which the robot stands."""
-    return rig.base_footprint.xyz[2]
+    return rig.robot.footprint.xyz[2]
 
 
 @dataclass(frozen=True)

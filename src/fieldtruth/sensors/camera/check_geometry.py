@@ -368,7 +368,7 @@ class Agreement(CameraFrameChecker):
         except FieldtruthError:
             return
         optical_from_points, k = transforms.inverse(base_from_optical) @ base_from_points, np.reshape(lens.K, (3, 3))
-        lowest = min(base_from_optical[2, 3], base_from_points[2, 3]) - self.context.rig.base_footprint.xyz[2]
+        lowest = min(base_from_optical[2, 3], base_from_points[2, 3]) - self.context.rig.robot.footprint.xyz[2]
         neighbours = bool(np.linalg.norm(optical_from_points[:3, 3]) < _APART and lowest > _ABOVE)
         if not neighbours and "depth" not in frame.parts:
             self._skip(f"{source.sensor} and {frame.imager.name} are no neighbours, and there are no depth images")
