@@ -121,7 +121,7 @@ class RobotConfig(Frozen):
         Raises:
             LocatedError: the first value that is of another model.
         """
-        clear = self._unlike(self.model)
+        clear = self._unlike(self.model) if self.model_fields_set else []  # the defaults are those of the Husky
         for other in ROBOTS if len(clear) >= CLEARLY else ():
             if other != self.model and not self._unlike(other):
                 what = f"is that of the model {other}, not of {self.model}: {shortened(getattr(self, clear[0]))}"
