@@ -243,7 +243,7 @@ def test_the_values_of_another_model_are_refused(at: str, model: str, rig: dict[
 @pytest.mark.parametrize("kind", ["imu", "gnss", "wheel_odometry", "lidar", "camera", "stereo"])
 def test_every_stored_model_reads_with_values_of_its_own_and_with_others_beside_them(kind: str) -> None:
     for name in list_models(KINDS[kind].family):
-        for values in ({}, {"rate_hz": 5.0}, {"signal": "datasheet"}, {"topic": "/own", "enabled": False}):
+        for values in ({}, {"rate_hz": 5.0, "signal": "datasheet", "topic": "/own", "enabled": False}):
             rig = Rig(sensors=(sensor(kind, model=name, **values),))
             experiment = parse_experiment(f"{{name: a, environment: park, {ROUTE}}}").model_copy(update={"rig": rig})
             assert parse_experiment(dump_experiment(experiment)) == experiment
