@@ -17,7 +17,7 @@ slow:  ## the slow proofs
 	pytest -m slow
 
 docs:  ## the documentation site, in site/
-	mkdocs build --strict
+	zensical build --strict
 
 build:  ## the wheel, in dist/
 	python -m pip wheel --no-deps --wheel-dir dist .

@@ -6,8 +6,6 @@ import itertools
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -206,15 +204,6 @@ def test_the_readmes_script_runs(park: SensorWorld, capsys: pytest.CaptureFixtur
     lines = capsys.readouterr().out.splitlines()
     assert [line.count("(24, 32, 3)") for line in lines] == [1] * len(lines[:-2]) + [0, 0]
     assert lines[-1].startswith("200000000 [")
-
-
-@pytest.mark.slow
-def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    pytest.importorskip("mkdocs")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
-    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
-    assert "Lidar" in (tmp_path / "api/index.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

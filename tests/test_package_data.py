@@ -53,7 +53,7 @@ for module in modules:
         print(module.name, error.name)
 """
 _OF_EXTRAS: Final = {
-    **dict.fromkeys((f"fieldtruth.cluster.{name}" for name in ("engine", "errors", "slices", "worker")), "distributed"),
+    **dict.fromkeys((f"fieldtruth.cluster.{name}" for name in ("engine", "worker")), "distributed"),
     "fieldtruth.exporters.huggingface": "pyarrow",
     "fieldtruth.bag.mcap_file": "zstandard",
     "fieldtruth.exporters.mcap": "mcap",

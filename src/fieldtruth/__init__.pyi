@@ -40,7 +40,6 @@ from .datasets import open_runs as open_runs
 from .datasets import split as split
 from .degradation import degrade as degrade
 from .drive.plan import plan_route as plan_route
-from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
 from .experiment.config import DriveConfig as DriveConfig
 from .experiment.config import Experiment as Experiment
@@ -56,6 +55,7 @@ from .experiment.files import load_experiment as load_experiment
 from .experiment.files import parse_experiment as parse_experiment
 from .experiment.files import with_overrides as with_overrides
 from .experiment.light_config import LightConfig as LightConfig
+from .experiment.names import list_experiments as list_experiments
 from .experiment.rig import Rig as Rig
 from .experiment.rig import paper_rig as paper_rig
 from .experiment.robot_config import RobotConfig as RobotConfig

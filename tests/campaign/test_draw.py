@@ -19,10 +19,10 @@ from fieldtruth.campaign.draw import PlannedRun, draw, simulated_s
 from fieldtruth.campaign.files import ALL, dump_campaign, load_campaign, with_changes
 from fieldtruth.campaign.state import digest_of
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

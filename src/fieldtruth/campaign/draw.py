@@ -22,10 +22,10 @@ from pydantic import ValidationError
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.campaign.config import BUILT_IN, MOST_RUNS, PRODUCT, Campaign, Tree, axis, drawn, entries
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig, metres_from_route
 from fieldtruth.experiment.fields import configuration_error
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import SECTIONS
 
 T = TypeVar("T")

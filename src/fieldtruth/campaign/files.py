@@ -18,10 +18,10 @@ from fieldtruth.campaign.draw import PlannedRun, changed_values, draw
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputError, UnknownNameError
 from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.sensor_config import with_signal_files
 from fieldtruth.experiment.sensor_families import EXTRAS
 from fieldtruth.experiment.urdf import KEY as URDF

@@ -219,7 +219,8 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 
 def _list(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.catalogue import list_experiments, list_robots
+    from fieldtruth.experiment.catalogue import list_robots
+    from fieldtruth.experiment.names import list_experiments
     from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
@@ -271,8 +272,8 @@ def _preview(options: argparse.Namespace) -> None:
 
 
 def _shares(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.catalogue import EXPERIMENTS
     from fieldtruth.experiment.files import with_overrides
+    from fieldtruth.experiment.names import EXPERIMENTS
 
     if not options.experiments:
         raise UsageError(f"give experiments, or all. Available: {', '.join(EXPERIMENTS)}")

@@ -126,7 +126,7 @@ def add_commands(command: AddCommand) -> None:
         "huggingface, mmseg, slam-configs or stereo-depth",
     )
     export.add_argument("--out", metavar="PATH", help="output (beside the bag, named after it)")
-    export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")
+    export.add_argument("--label-map", metavar="NAME", help="ontology: ganav6, goose, goose9, rellis or rugd")
     export.add_argument("--split", metavar="NAME", help="of runs outside folders train, val and test (train)")
     export.add_argument("--shard-mb", metavar="N", type=count, help="largest file of many frames [MB] (500)")
     export.add_argument("--boxes", action="store_true", help="of coco: boxes of whole objects in image and space")

@@ -36,7 +36,6 @@ from fieldtruth.drive.routes import NODE_CLEARANCE, RandomRoutePlanner, check_ro
 from fieldtruth.drive.simulate import Checkpoint, Drive, drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.drive.traversability import Traversability
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import (
     FRAME_RATE,
     Experiment,
@@ -48,6 +47,7 @@ from fieldtruth.experiment.config import (
     route_from_metres,
 )
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield, World
 

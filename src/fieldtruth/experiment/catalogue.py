@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Experiments, models of sensors and robots by name, without heavy imports; data files state the source of each figure.
+"""Models of sensors, and robots, by name; data files state the source of each figure.
 
-Those of the package are in ``builtin`` and ``models``. Others are in folders ``experiments``, ``sensors/KIND`` and
-``robots`` of FIELDTRUTH_PATH, or named by entry points of ``fieldtruth.experiments``, ``fieldtruth.sensors.KIND`` and
-``fieldtruth.robots``.
+Those of the package are in ``models``. Others are in folders ``sensors/KIND`` and ``robots`` of FIELDTRUTH_PATH, or
+named by entry points of ``fieldtruth.sensors.KIND`` and ``fieldtruth.robots``.
 """
 
 from collections.abc import Mapping
@@ -14,21 +13,7 @@ from typing import Any, Final
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.core.registry import Registry
-from fieldtruth.core.yaml_io import parse_mapping, read_data, read_text
-
-EXPERIMENTS: Final[Registry[str]] = Registry(
-    "experiment",
-    "experiments",
-    ".yaml",
-    lambda _, given: read_text(Path(given)),
-    Path(__file__).parent / "builtin",
-)
-
-
-def list_experiments() -> dict[str, str]:
-    """Name and one-line description of each experiment."""
-    return {name: str(parse_mapping(text, name).get("description", "")) for name, text in EXPERIMENTS.items()}
-
+from fieldtruth.core.yaml_io import parse_mapping, read_data
 
 _DATA: Final = Path(__file__).parent / "models"
 

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.sensor_config import KINDS, SIGNAL, WORDS, SensorConfig, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 

@@ -16,9 +16,9 @@ from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track
-from fieldtruth.experiment.catalogue import EXPERIMENTS
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment, validated
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
