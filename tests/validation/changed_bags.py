@@ -123,7 +123,9 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
                 header_ns=stamp,
                 xyz=np.stack([points[axis] for axis in "xyz"], axis=-1),
                 instance=wide(points["instance"]),
-                **{name: points[name] for name in ("label", "ring", "column")},
+                label=points["label"],
+                ring=points["ring"],
+                column=points["column"],
             )
             data = point_cloud(message.header.seq, stamp, scan, LidarConfig(), wide_ids=True)
             return raw._replace(data=data)
