@@ -50,12 +50,12 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "bloom": {"bloom": 0.05},
     "chromatic aberration": {"chromatic_px": (0.9, -0.7)},
     "fringes": {"fringe_px": (0.8, 1.2)},
-    "colour matrix": {"colour_matrix": preset_of("stereo", "robot")["colour_matrix"]},
+    "colour matrix": {"colour_matrix": preset_of("camera", "robot")["colour_matrix"]},
     "sharpening": {"sharpening": 0.9, "sharpening_px": 1.6},
     "20 drops on the glass": {"lens_drops": 20},
     "20 specks of dust on it": {"lens_dust": 20},
-    "preset robot": preset_of("stereo", "robot"),
-    "datasheet of the ZED 2": datasheet_of("stereo", "zed_2"),
+    "preset robot": preset_of("camera", "robot"),
+    "datasheet of the ZED 2": datasheet_of("camera", "zed_2"),
 }
 
 
@@ -123,8 +123,8 @@ def figures(photo: NDArray[np.uint8]) -> dict[str, float]:
 
 def compare(config: CameraConfig, baked: BakedScene, poses: list[Array], folder: Path | None, name: str) -> None:
     """Print figures of the photographs, as files have them: ideal, of the data sheet, of the preset robot."""
-    imager, sheet = config.imagers()[0], datasheet_of("stereo", config.model or "zed_2")
-    for kind, values in {"ideal": {}, "datasheet": sheet, "robot": preset_of("stereo", "robot")}.items():
+    imager, sheet = config.imagers()[0], datasheet_of("camera", config.model or "zed_2")
+    for kind, values in {"ideal": {}, "datasheet": sheet, "robot": preset_of("camera", "robot")}.items():
         own = config.model_copy(update={"signal": CameraSignal(**values)})
         camera = Camera(own, baked, seed=0)
         packed = [

@@ -71,7 +71,7 @@ def ours(experiment: Experiment, count: int) -> list[NDArray[np.uint8]]:
     """Photographs of the first camera from poses on the route."""
     world = world_of(experiment)
     baked = bake(Scene(world), experiment.light, experiment.weather)
-    config: CameraConfig = experiment.rig.cameras[0]
+    config: CameraConfig = experiment.rig.enabled(CameraConfig)[0]
     imager, poses = config.imagers()[0], poses_on_route(experiment.route, world, experiment.rig, count)
     if config.signal is None or config.signal.is_ideal:
         camera = Camera(config, baked)

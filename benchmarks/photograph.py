@@ -25,6 +25,7 @@ from fieldtruth.kernels.photograph import Framebuffer, find_edges, store
 from fieldtruth.kernels.shading import PASSES, shade_hits
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
@@ -83,7 +84,7 @@ def main() -> None:
         experiment = load_experiment(f"{environment}_1")
         world = world_of(experiment)
         baked = bake(Scene(world), experiment.light)
-        config = experiment.rig.cameras[0]
+        config = experiment.rig.enabled(CameraConfig)[0]
         camera, imager = Camera(config, baked), config.imagers()[0]
         poses = [
             p @ imager.base_from_optical for p in poses_on_route(experiment.route, world, experiment.rig, options.views)

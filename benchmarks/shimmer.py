@@ -64,7 +64,7 @@ def cost(scene: BakedScene, poses: list[Array]) -> None:
     """Print the CPU time of a picture with and without relief, its least over several turns."""
     materials = scene.shading.materials
     flat = materials._replace(relief=np.zeros_like(materials.relief), patch=np.zeros_like(materials.patch))
-    config = ft.Rig().cameras[0]
+    config = ft.Rig().enabled(ft.CameraConfig)[0]
     cameras = {
         "with relief": ft.Camera(config, scene),
         "without": ft.Camera(config, BakedScene(scene=scene.scene, shading=scene.shading._replace(materials=flat))),
@@ -91,7 +91,7 @@ def main() -> None:
     experiment = load_experiment(f"{options.environment}_1")
     world = world_of(experiment)
     scene = bake(Scene(world), experiment.light)
-    config = ft.Rig().cameras[0]
+    config = ft.Rig().enabled(ft.CameraConfig)[0]
     camera = ft.Camera(config, scene)
     on_robot = ft.transforms.pose(config.imagers()[0].mount.xyz) @ ft.OPTICAL
     poses = [np.asarray(p) for p in poses_on_route(experiment.route, world, experiment.rig, options.poses)]

@@ -67,7 +67,7 @@ def stages(environment: str) -> dict[str, float]:
         track = drive(world, short)
         factors.append(track.duration_s / (perf_counter() - start))
     found["drive_realtime_factor"] = min(factors)
-    rig = experiment.rig.model_copy(update={"sensors": experiment.rig.cameras})
+    rig = experiment.rig.model_copy(update={"sensors": experiment.rig.enabled(ft.CameraConfig)})
     baked, rates = ft.bake(scene, experiment.light), {1: 0.0, 2: 0.0}
     for _ in range(2):
         for workers in rates:

@@ -29,7 +29,7 @@ def main(path: Path) -> None:
     """Render twice, join, write."""
     experiment = ft.with_overrides(ft.load_experiment("park_1"), seconds=SECONDS)
     world = ft.load_world("park", seed=experiment.seed)
-    cameras = experiment.rig.cameras[0].model_copy(update={"width": 1024, "height": 576})
+    cameras = experiment.rig.enabled(ft.CameraConfig)[0].model_copy(update={"width": 1024, "height": 576})
     state = state_at(drive(world, experiment).motion, round(SECONDS * 1e9))
     pose = state.world_from_base @ cameras.imagers()[0].base_from_optical
     camera = ft.Camera(cameras, ft.bake(ft.Scene(world)))

@@ -20,6 +20,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of
 
@@ -41,7 +42,7 @@ def sheet(experiment: Experiment) -> NDArray[np.uint8]:
     """Ten views of the left camera along the route, in two rows."""
     world = world_of(experiment)
     baked = bake(Scene(world), experiment.light)
-    config = experiment.rig.cameras[0]
+    config = experiment.rig.enabled(CameraConfig)[0]
     camera, imager = Camera(config, baked), config.imagers()[0]
     views = []
     path = expected_path(experiment, world)

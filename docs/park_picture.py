@@ -39,7 +39,7 @@ def main(path: Path) -> None:
     ground = float(world.terrain.field.height_at(x, y))
     world_from_base = ft.transforms.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
     rig = ft.Rig()
-    cameras, lidar = rig.cameras[0], rig.lidars[0]
+    cameras, lidar = rig.enabled(ft.CameraConfig)[0], rig.enabled(ft.LidarConfig)[0]
     world_from_optical = world_from_base @ cameras.imagers()[0].base_from_optical
     images = ft.Camera(cameras, ft.bake(scene)).render(world_from_optical)
     scan = ft.Lidar(lidar, scene).scan(world_from_base @ lidar.mount.base_from_sensor)

@@ -33,7 +33,7 @@ def main(out: str = "data", seconds: str = "10") -> None:
         name="helix",
         environment="park",
         drive=ft.DriveConfig(track=str(folder / "helix.csv")),
-        rig=ft.paper_rig(stereo=ft.StereoConfig(width=640, height=360, rate_hz=5.0)),
+        rig=ft.paper_rig(cameras=ft.StereoConfig(width=640, height=360, rate_hz=5.0)),
     )
     bag = ft.generate(experiment, folder, overwrite=True)
 

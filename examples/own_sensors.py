@@ -20,7 +20,7 @@ def main(out: str = "data", seconds: str = "2") -> None:
         baseline=0.2,
         mount=ft.Mount(xyz=(0.3, 0.0, 0.5), rpy_deg=down),
     )
-    rig = ft.paper_rig(lidar=lidar, stereo=camera)
+    rig = ft.paper_rig(lidar=lidar, cameras=camera)
     experiment = park.model_copy(update={"name": "my_sensors", "rig": rig, "seconds": float(seconds)})
 
     bag = ft.generate(experiment, out)

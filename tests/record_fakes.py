@@ -41,7 +41,7 @@ from fieldtruth.sensors.lidar.sensor import LidarSensor
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
-SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
+SMALL = paper_rig(cameras=StereoConfig(width=64, height=48))
 
 
 def make_experiment(seconds: float = 2.5, seed: int = 0, rig: Rig = SMALL, name: str = "tiny") -> Experiment:

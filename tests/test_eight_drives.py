@@ -21,7 +21,7 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment, metres_from_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.build import world_of
@@ -62,7 +62,7 @@ eight = pytest.mark.parametrize(
 
 
 def test_built_in_experiments_are_those_of_the_table() -> None:
-    assert set(experiment_names()) == set(TABLE_4)
+    assert set(EXPERIMENTS) == set(TABLE_4)
 
 
 @pytest.mark.parametrize("name", TABLE_4)

@@ -28,6 +28,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.streams import Stream
+from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.stepped import Simulation
 
 _CHUNKS: Final = 16
@@ -39,6 +40,7 @@ def degrade(
     out: Path | str,
     *,
     signal: str | dict[str, Any] = "datasheet",
+    scene: Scene | None = None,
     workers: int | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -49,6 +51,7 @@ def degrade(
         source: folder of a run of this package, or its bag; not changed.
         out: folder of data sets.
         signal: as in ``with_overrides``: ``datasheet``, or a mapping of names or kinds of sensors to their ``signal``.
+        scene: the run's world in the ray tracer, if it was built.
         workers: as in ``generate``.
         overwrite: as in ``generate``.
         progress: as in ``generate``.
@@ -76,9 +79,10 @@ def degrade(
 
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
             made = prepare(simulation, progress)
-            return _Degraded(made.experiment, made.world, made.track, run, stored)
+            return _Degraded(made.experiment, made.world, made.track, run, stored, scene=made.scene)
 
-        return generate_by(engine, experiment, out, workers=workers, overwrite=overwrite, progress=progress)
+        simulation = Simulation(experiment, scene=scene)
+        return generate_by(engine, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
 class _Stored:

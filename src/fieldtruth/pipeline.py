@@ -145,12 +145,12 @@ def generate(
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
     simulation = Simulation(experiment, world=world, scene=scene)
-    return _generate(prepare, simulation, out, workers, overwrite=overwrite, progress=progress)
+    return generate_by(None, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
 def generate_by(
     engine: Engine | None,
-    experiment: Experiment,
+    experiment: Experiment | Simulation,
     out: Path | str,
     *,
     workers: int | None = None,
@@ -158,25 +158,13 @@ def generate_by(
     progress: Progress | None = None,
 ) -> Path:
     """Generate a data set as ``generate`` does, where world, drive and slices are made by an engine; None: here."""
-    return _generate(engine or prepare, Simulation(experiment), out, workers, overwrite=overwrite, progress=progress)
-
-
-def _generate(
-    engine: Engine,
-    simulation: Simulation,
-    out: Path | str,
-    workers: int | None,
-    *,
-    overwrite: bool,
-    progress: Progress | None,
-) -> Path:
-    """Make the slices, join them to the bag, and write what belongs beside it."""
+    simulation = experiment if isinstance(experiment, Simulation) else Simulation(experiment)
     made, track = simulation.experiment, simulation.track_file
     _warn_of_weather(made)
     folder, text = output_folder(out, made.name), None if track is None else track.csv()
     progress = Silent() if progress is None else progress
     with run_folder(made, folder, overwrite=overwrite, track=text) as run:
-        prepared = engine(simulation, progress)
+        prepared = (engine or prepare)(simulation, progress)
         run.begin(made, overwrite=overwrite, track=text)
         slices_folder = run.slices(prepared.key)
         with progress.stage("prepare the scene"):

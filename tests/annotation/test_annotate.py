@@ -182,7 +182,7 @@ def test_a_scan_that_ends_after_the_last_pose_is_left_out(
 ) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp < 300_000_000]
     sweeping = rig.lidar.model_copy(update={"spinning": True, "columns": 16})
-    clouds = paper_rig(stereo=StereoConfig(enabled=False), lidar=sweeping)
+    clouds = paper_rig(cameras=StereoConfig(enabled=False), lidar=sweeping)
     bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=clouds)
     assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # the scan at 0.2 s would end at 0.3 s
 

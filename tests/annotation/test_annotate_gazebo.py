@@ -31,7 +31,7 @@ from fieldtruth.world.build import load_world
 pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")
 
 EXCERPT: Final = Path(__file__).parent / "data" / "gazebo_park.bag"
-RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), stereo=StereoConfig(rate_hz=1.0, width=320, height=184))
+RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), cameras=StereoConfig(rate_hz=1.0, width=320, height=184))
 OURS = "/os1_cloud_node/points"
 GAZEBO = f"/recorded{OURS}"
 STAMPS: Final = [10 * 10**9, 11 * 10**9, 12 * 10**9]
@@ -108,7 +108,7 @@ def test_images_frames_and_the_recorded_messages_are_in_the_bag(annotated: Path)
 def test_without_odometry_the_robots_row_of_model_states_is_used(scene: Scene, tmp_path: Path) -> None:
     """It has no stamps but those of ``rosbag record``, which are some milliseconds late."""
     left = [message for message in stored(EXCERPT) if message.kind.topic != "/ground_truth/odom"]
-    clouds_only = paper_rig(lidar=RIG.lidar, stereo=StereoConfig(enabled=False))
+    clouds_only = paper_rig(lidar=RIG.lidar, cameras=StereoConfig(enabled=False))
     bag = annotate(write(tmp_path / "x.bag", left), "park", rig=clouds_only, scene=scene)
     pairs = zip(clouds(bag, OURS), clouds(bag, GAZEBO), strict=True)
     assert all(np.median(np.abs(a[0] - b[0])) < 0.002 for a, b in pairs)

@@ -295,4 +295,4 @@ def test_an_interruption_shows_the_command_that_resumes(
 def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
     bag = write(tmp_path / "x.bag", drive())
     with pytest.raises(ConfigurationError, match="nothing to add"):
-        annotate(bag, "park", rig=paper_rig(stereo=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False)))
+        annotate(bag, "park", rig=paper_rig(cameras=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False)))

@@ -22,8 +22,9 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 ENVIRONMENTS = ["forest", "hillside", "lake", "park"]
@@ -127,7 +128,7 @@ def test_the_product_has_every_combination_once() -> None:
             rigs=[{"lidar": {"rings": r}} for r in rings],
         )
     )
-    names = {name: load_experiment(name) for name in experiment_names()}
+    names = {name: load_experiment(name) for name in EXPERIMENTS}
     expected = Counter(product((e.route for e in names.values()), seeds, lights, rings))
     assert expected == Counter(
         (e.route, e.seed, e.light.sun_elevation_deg, e.rig.lidar.rings) for e in (run.experiment for run in runs)
@@ -182,10 +183,10 @@ def test_overrides_apply_to_all_sensors_of_a_kind() -> None:
         [run] = draw(with_changes(of_many_sensors(), **values))
         return run.experiment.rig
 
-    assert not rig_of(cameras=False).cameras
-    assert len(rig_of(cameras=False).lidars) == 2
-    assert not rig_of(lidar=False).lidars
-    assert all((c.depth, c.instances) == (True, False) for c in rig_of(extras=("depth",)).cameras)
+    assert not rig_of(cameras=False).enabled(CameraConfig)
+    assert len(rig_of(cameras=False).enabled(LidarConfig)) == 2
+    assert not rig_of(lidar=False).enabled(LidarConfig)
+    assert all((c.depth, c.instances) == (True, False) for c in rig_of(extras=("depth",)).enabled(CameraConfig))
 
 
 def test_the_digest_of_a_run_follows_every_sensor() -> None:
@@ -240,12 +241,12 @@ def test_runs_of_frames_have_seeds_lights_and_a_length_of_their_own() -> None:
 
 def test_all_is_the_built_in_experiments_as_they_are() -> None:
     runs = draw(load_campaign(ALL))
-    assert [run.name for run in runs] == list(experiment_names())
-    assert [run.experiment for run in runs] == [load_experiment(name) for name in experiment_names()]
+    assert [run.name for run in runs] == list(EXPERIMENTS)
+    assert [run.experiment for run in runs] == [load_experiment(name) for name in EXPERIMENTS]
     shorter = draw(with_changes(load_campaign(ALL), seconds=5, cameras=False, extras=("depth",), seed=4))
     expected = [
         with_overrides(load_experiment(name), seconds=5, cameras=False, extras=("depth",), seed=4)
-        for name in experiment_names()
+        for name in EXPERIMENTS
     ]
     assert [run.experiment for run in shorter] == expected
 

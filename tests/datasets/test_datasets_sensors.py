@@ -17,9 +17,10 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
 from fieldtruth.sensors.camera.message import camera_matrix
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 RIG = many_rig()
-LIDARS = {lidar.name: lidar for lidar in RIG.lidars}
+LIDARS = {lidar.name: lidar for lidar in RIG.enabled(LidarConfig)}
 
 
 def message_at(run: Path, topic: str, stamp_ns: int) -> Any:

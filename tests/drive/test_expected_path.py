@@ -7,7 +7,7 @@ from drive_worlds import make_experiment, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 
 EXPERIMENT = make_experiment([(0.0, 0.0), (8.0, 0.0)], start=(-8.0, 0.0))
@@ -45,5 +45,5 @@ def test_pose_on_ground_is_the_nominal_height_above_the_ground() -> None:
 
 def test_experiments_are_found_by_their_environment() -> None:
     names = [experiment.name for experiment in experiments_in("park")]
-    assert names == [name for name in experiment_names() if name.startswith("park")]
+    assert names == [name for name in EXPERIMENTS if name.startswith("park")]
     assert experiments_in("nowhere") == []

@@ -13,7 +13,7 @@ from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import World
 
-BARE = paper_rig(stereo=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False))
+BARE = paper_rig(cameras=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False))
 WALL = make_world(
     obstacles=[
         obstacle("pole", "cylinder", (0.5, 2.0), 6.0, 0.0, scale=2.0),
@@ -63,7 +63,7 @@ def test_inside_a_turned_box() -> None:
 
 
 def test_the_sensors_count_where_they_are() -> None:
-    lidar = paper_rig(stereo=StereoConfig(enabled=False))
+    lidar = paper_rig(cameras=StereoConfig(enabled=False))
     above = make_world(obstacles=[obstacle("bar", "box", (0.2, 0.2, 0.2), 6.0, 0.0, z=1.7)])
     fly(above, (0.0, 0.0, 1.0), (10.0, 0.0, 1.0))
     assert "os1_lidar is" in refusal(above, (0.0, 0.0, 1.0), (10.0, 0.0, 1.0), lidar)

@@ -22,14 +22,14 @@ from fieldtruth.drive.physics import STOP, Command, body_boxes, servo_scale
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.drive.traversability import Traversability, obstacle_height
-from fieldtruth.experiment.catalogue import list_robots, robot_data, robot_names
+from fieldtruth.experiment.catalogue import ROBOTS, list_robots
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.gazebo.robot.parts import check_rig
 from fieldtruth.world.model import World
 
-ROBOTS = pytest.mark.parametrize("name", robot_names())
+EACH = pytest.mark.parametrize("name", ROBOTS)
 OUTLINES = {"jackal": 0.43, "warthog": 1.38}  # [m], widths of the data sheets
 
 
@@ -42,7 +42,7 @@ def yaw_of(states: np.ndarray) -> np.ndarray:
     return np.asarray(np.unwrap(np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])))
 
 
-@ROBOTS
+@EACH
 def test_at_rest_the_supports_carry_the_weight_and_the_robot_is_level(flat_world: World, name: str) -> None:
     rig = rig_of(name)
     robot = make_robot(flat_world, rig=rig)
@@ -55,7 +55,7 @@ def test_at_rest_the_supports_carry_the_weight_and_the_robot_is_level(flat_world
     assert forces.sum() == pytest.approx(weight, rel=0.01)
     assert forces.min() > 0.1 * weight
     assert robot.surroundings.model.body_mass.sum() == pytest.approx(rig.robot.mass)
-    figures = robot_data(name)["figures"]
+    figures = ROBOTS[name]["figures"]
     clearance = figures["wheels.radius"]["value"] - figures["wheels.axle_height"]["value"]
     assert state[2] == pytest.approx(clearance, abs=0.005)
     tilt = np.degrees(np.arccos(rotation_from_quaternion_wxyz(state[3:7])[2, 2]))
@@ -76,7 +76,7 @@ def test_a_caster_carries_what_the_lever_law_says(flat_world: World) -> None:
     assert data.efc_force[rows].sum() == pytest.approx(expected, rel=0.01)
 
 
-@ROBOTS
+@EACH
 def test_it_drives_5_m_straight_at_the_commanded_speed(flat_world: World, name: str) -> None:
     rig = rig_of(name)
     robot, wheels = make_robot(flat_world, (-18.0, 0.0), rig=rig), len(rig.wheels.names)
@@ -89,7 +89,7 @@ def test_it_drives_5_m_straight_at_the_commanded_speed(flat_world: World, name: 
     assert_allclose(rolled, np.linalg.norm(moved), rtol=0.01)  # wheel odometry
 
 
-@ROBOTS
+@EACH
 def test_it_turns_in_place_at_the_commanded_rate(flat_world: World, name: str) -> None:
     rig = rig_of(name)
     for soil in (None, SoilContact(flat_world, rig.wheels, {})):
@@ -101,7 +101,7 @@ def test_it_turns_in_place_at_the_commanded_rate(flat_world: World, name: str) -
         assert np.linalg.norm(states[-1, :2] - states[0, :2]) < 0.1
 
 
-@ROBOTS
+@EACH
 def test_it_reaches_its_greatest_speed_and_keeps_it(name: str) -> None:
     rig = rig_of(name)
     robot, limit = make_robot(make_world(size=(60.0, 10.0)), (-28.0, 0.0), rig=rig), rig.robot.max_speed
@@ -130,7 +130,7 @@ def test_a_heavier_robot_is_slower_by_its_limits_only(flat_world: World) -> None
 
 
 def test_servos_of_all_robots_have_the_frequency_of_a_husky() -> None:
-    scales = {name: servo_scale(rig_of(name).robot) for name in robot_names()}
+    scales = {name: servo_scale(rig_of(name).robot) for name in ROBOTS}
     assert scales["husky"] == 1.0
     assert scales["warthog"] == pytest.approx(260 * 0.3**2 / (50 * 0.1651**2))
 
@@ -216,9 +216,9 @@ def test_obstacles_stop_a_mast_above_the_usual_height() -> None:
     assert obstacle_height(Rig.model_validate({"sensors": [high]})) == pytest.approx(1.5 + 0.13228)
 
 
-@ROBOTS
+@EACH
 def test_every_figure_has_a_value_and_a_source(name: str) -> None:
-    figures = robot_data(name)["figures"]
+    figures = ROBOTS[name]["figures"]
     assert all(set(figure) == {"value", "source"} and figure["source"] for figure in figures.values())
     flat = {f"wheels.{key}" for key in WheelConfig.model_fields} | set(RobotConfig.model_fields) - {"wheels"}
     assert {key for key in figures if not key.startswith("caster.")} <= flat
@@ -246,7 +246,7 @@ def test_the_older_keys_change_the_robot() -> None:
     rig = parse_experiment(
         text("rig: {robot: jackal, wheels: {radius: 0.12}, base_footprint: {xyz: [0, 0, -0.1]}}")
     ).rig
-    assert (rig.wheels.radius, rig.wheels.half_track, rig.base_footprint.xyz) == (0.12, 0.187795, (0.0, 0.0, -0.1))
+    assert (rig.wheels.radius, rig.wheels.half_track, rig.robot.footprint.xyz) == (0.12, 0.187795, (0.0, 0.0, -0.1))
     assert Rig(wheels=WheelConfig(half_track=0.3)).mounts()["rear_left_wheel"].xyz == (-0.256, 0.3, 0.03282)  # type: ignore[call-arg]
 
 

@@ -15,7 +15,7 @@ from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import ControlConfig, Experiment, metres_from_route, random_route
 from fieldtruth.experiment.files import load_experiment, parse_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.world.model import World
 
 POST = obstacle("post_7", "cylinder", (0.3, 2.0), 6.0, 0.0)
@@ -129,9 +129,7 @@ def test_drive_into_water_is_an_error() -> None:
 DEFAULT = ("park_1",)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n in DEFAULT else pytest.mark.slow) for n in experiment_names()]
-)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in DEFAULT else pytest.mark.slow) for n in EXPERIMENTS])
 def test_built_in_routes_pass_the_check(name: str) -> None:
     experiment: Experiment = load_experiment(name)
     world = fieldtruth.load_world(experiment.environment, experiment.seed)

@@ -124,7 +124,7 @@ def test_camera_info_says_the_lens() -> None:
 
 def test_a_package_for_gazebo_refuses_other_lenses(tmp_path: Path) -> None:
     world: Any = None  # is not looked at
-    rig = paper_rig(stereo=StereoConfig(model="fisheye_190"))
+    rig = paper_rig(cameras=StereoConfig(model="fisheye_190"))
     with pytest.raises(
         ConfigurationError, match=r"^rig\.sensors: stereo has the lens equidistant; .* pinhole cameras only"
     ):

@@ -24,7 +24,7 @@ from fieldtruth import (
 from fieldtruth.experiment.config import ControlConfig, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.names import experiment_names, list_experiments
+from fieldtruth.experiment.names import EXPERIMENTS, list_experiments
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -45,7 +45,7 @@ def park() -> Experiment:
     return load_experiment("park_1")
 
 
-@pytest.mark.parametrize("name", experiment_names())
+@pytest.mark.parametrize("name", EXPERIMENTS)
 def test_built_in_experiment_loads_by_name_and_stays_inside_its_world(name: str) -> None:
     experiment = load_experiment(name)
     assert experiment.name == name

@@ -71,7 +71,10 @@ def test_a_stored_experiment_loads_equal(text: str) -> None:
     [
         ("{model: vlp16}", "rig.lidar.model must be a model of kind lidar, nearest first: vlp_16, vlp_32c, "),
         ("{model: 3}", "rig.lidar.model must be a name from `fieldtruth list sensors`, got 3"),
-        ("{model: vlp_16, rings: 8}", "rig.lidar: rings must be 16, the number of elevations_deg, got 8"),
+        (
+            "{model: vlp_16, rings: 8}",
+            "rig.lidar: rings must be 16, the number of elevations_deg of the model vlp_16, got 8",
+        ),
         ("{model: vlp_16, rate_hz: fast}", "rig.lidar.rate_hz must be a number between 0.01 and 1000, got 'fast'"),
         (
             "{model: vlp_16, columns: 4000}",

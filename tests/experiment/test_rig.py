@@ -12,13 +12,14 @@ from many_sensors import many_rig, many_sensors
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
 from fieldtruth.core import transforms
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 SMALL = {"name": "x", "environment": "park", "route": {"metres": {"start": [0, 0], "waypoints": [[9, 9]]}}}
 
@@ -45,16 +46,22 @@ def test_the_short_form_changes_the_papers_sensors() -> None:
     assert rig == paper_rig(
         imu=ImuConfig(rate_hz=100.0),
         lidar=LidarConfig(columns=1024),
-        wheel_odometry=Rig().wheel_odometry.model_copy(update={"tachometer_rate_hz": 5.0}),  # type: ignore[union-attr]
+        wheel_odometry=WheelOdometryConfig(tachometer_rate_hz=5.0),
     )
-    assert parsed({"tachometers": {"enabled": False}}).wheel_odometry is None
-    assert parsed({"odometry": {"rate_hz": 20.0}}).wheel_odometry.rate_hz == 20.0  # type: ignore[union-attr]
+    assert parsed({"tachometers": {"enabled": False}}).enabled(WheelOdometryConfig) == ()
+    assert parsed({"odometry": {"rate_hz": 20.0}}).enabled(WheelOdometryConfig)[0].rate_hz == 20.0
+
+
+def test_the_earlier_name_of_the_papers_cameras_warns() -> None:
+    with pytest.warns(FieldtruthWarning, match=r"^stereo is now called cameras$"):
+        rig = paper_rig(stereo=StereoConfig(width=64))
+    assert rig == paper_rig(cameras=StereoConfig(width=64)) == parsed({"cameras": {"width": 64}})
 
 
 def test_the_short_form_changes_the_first_sensor_of_a_list() -> None:
     rig = parsed({"sensors": [lidar(), lidar(name="b")], "lidar": {"columns": 64}})
-    assert [each.columns for each in rig.lidars] == [64, 512]
-    assert parsed({"sensors": [lidar()], "imu": {"rate_hz": 10}}).imus == (ImuConfig(rate_hz=10.0),)
+    assert [each.columns for each in rig.enabled(LidarConfig)] == [64, 512]
+    assert parsed({"sensors": [lidar()], "imu": {"rate_hz": 10}}).enabled(ImuConfig) == (ImuConfig(rate_hz=10.0),)
 
 
 def test_left_and_right_are_mount_and_baseline() -> None:
@@ -129,7 +136,7 @@ def test_every_value_survives_dump_and_load() -> None:
 def test_overrides_change_all_sensors_of_a_kind() -> None:
     experiment = parse_experiment(yaml.safe_dump({**SMALL, "rig": {"sensors": many_sensors()}}))
     bare = with_overrides(experiment, cameras=False, lidar=False).rig
-    assert (bare.imagers, bare.lidars) == ((), ())
+    assert (bare.imagers, bare.enabled(LidarConfig)) == ((), ())
     assert len(bare.mounts()) == len(experiment.rig.mounts())
     assert all(each.config.depth for each in with_overrides(experiment, extras=["depth"]).rig.imagers)
 
@@ -204,7 +211,7 @@ def test_no_eye_is_inside_the_robots_hull(kind: str) -> None:
         parsed({"sensors": [item | inside]})
     assert parsed({"sensors": [item | above]}).sensors
     assert parsed({"sensors": [item | inside | {"enabled": False}]}).sensors
-    assert parsed({"sensors": [{"kind": "imu", "name": "a", **inside}]}).imus
+    assert parsed({"sensors": [{"kind": "imu", "name": "a", **inside}]}).enabled(ImuConfig)
 
 
 def test_a_pair_that_is_turned_has_its_baseline_in_its_own_frame() -> None:

@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.catalogue import TITLES, figures_of, list_models, models
-from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.catalogue import figures_of, list_models, models
+from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
 
 ROUTE = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}"
 PAGE = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text(encoding="utf-8")
-MODELS = [(kind, name) for kind in TITLES for name in list_models(kind)]
+MODELS = [(kind, name) for kind in ("imu", "gnss", "wheel_odometry", "lidar", "camera") for name in list_models(kind)]
 NOT_KEYS = {"lidar": {"firing_cycle_ns"}, "camera": {"baseline"}}
 """Figures that are not keys of a kind: a LiDAR's columns follow from it, and a single camera ignores it."""
 RADIANS, GRAVITY = math.pi / 180.0, 9.80665
@@ -64,7 +65,7 @@ def test_every_figure_has_a_source(kind: str, name: str) -> None:
 @pytest.mark.parametrize(("kind", "name"), [*MODELS, *(("stereo", name) for name in list_models("camera"))])
 def test_every_model_gives_its_figures_to_a_sensor_of_any_name(kind: str, name: str) -> None:
     own = sensor(kind, model=name).model_dump(mode="json")
-    figures = figures_of(kind, name)
+    figures = figures_of(KINDS[kind].family, name)
     assert figures
     for key in figures.keys() - NOT_KEYS.get(kind, set()):
         given = figures[key] | {k: v for k, v in own[key].items() if k not in figures[key]} if key == "lens" else None
@@ -192,3 +193,57 @@ def test_the_documents_state_rates_and_noise(kind: str, name: str) -> None:
         found = (figure["value"] for figure in stored.values())
         values = [f"{v:g}" for value in found for v in (value if isinstance(value, list) else [value])]
     assert sorted(re.findall(r"\d+(?:\.\d+)?", " ".join(noise))) == sorted(v for v in values)
+
+
+def stored_with(at: str, model: str, **rig: Any) -> str:
+    """Text of a stored experiment in which a user has changed the ``model`` of a sensor, or of the robot."""
+    given = {"name": "a", "environment": "park", **yaml.safe_load(ROUTE), "rig": rig}
+    experiment = parse_experiment(yaml.safe_dump(given))
+    values = yaml.safe_load(dump_experiment(experiment))
+    part = values["rig"]["robot"] if at == "robot" else values["rig"]["sensors"][int(at)]
+    part["model"] = model
+    return yaml.safe_dump(values, sort_keys=False)
+
+
+@pytest.mark.parametrize(
+    ("at", "model", "rig", "line"),
+    [
+        (
+            "3",
+            "vlp_16",
+            {},
+            r"rig\.sensors\[3\]: rings must be 16, the number of elevations_deg of the model vlp_16, got 64$",
+        ),
+        (
+            "3",
+            "os1_128",
+            {"lidar": {"model": "os0_128"}},
+            r"\]\.vertical_fov_deg is that of a sensor of the model os0_128, not",
+        ),
+        (
+            "4",
+            "zed_x",
+            {},
+            r"rig\.sensors\[4\]\.width is that of a sensor (without a|of the) model.*, not of zed_x: 1280; ",
+        ),
+        (
+            "0",
+            "vn_100",
+            {"imu": {"signal": "datasheet"}},
+            r"rig\.sensors\[0\]\.signal is that of a sensor without a model, not of vn_100: ",
+        ),
+        ("robot", "jackal", {}, r"rig\.robot\.mass is that of the model husky, not of jackal: 50\.0; leave out what"),
+    ],
+)
+def test_the_values_of_another_model_are_refused(at: str, model: str, rig: dict[str, Any], line: str) -> None:
+    with pytest.raises(ConfigurationError, match=rf"^stored\.yaml: .*{line}"):
+        parse_experiment(stored_with(at, model, **rig), "stored.yaml")
+
+
+@pytest.mark.parametrize("kind", ["imu", "gnss", "wheel_odometry", "lidar", "camera", "stereo"])
+def test_every_stored_model_reads_with_values_of_its_own_and_with_others_beside_them(kind: str) -> None:
+    for name in list_models(KINDS[kind].family):
+        for values in ({}, {"rate_hz": 5.0, "signal": "datasheet", "topic": "/own", "enabled": False}):
+            rig = Rig(sensors=(sensor(kind, model=name, **values),))
+            experiment = parse_experiment(f"{{name: a, environment: park, {ROUTE}}}").model_copy(update={"rig": rig})
+            assert parse_experiment(dump_experiment(experiment)) == experiment

@@ -26,11 +26,13 @@ from pypcd4.pypcd4 import PointCloud
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.file import BagError
 from fieldtruth.exporters import FORMATS, export
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 RIG = many_rig()
 TOPICS = {imager.name: imager.topic for imager in RIG.imagers}
 CAMERAS = ("pair_left", "pair_right", "front", "rear", "fisheye", "panorama")
-CLOUDS = {lidar.name: lidar.topic for lidar in RIG.lidars}
+CLOUDS = {lidar.name: lidar.topic for lidar in RIG.enabled(LidarConfig)}
 
 
 @pytest.fixture(scope="module")
@@ -261,7 +263,7 @@ def test_huggingface_has_a_row_per_image_and_cloud(made: Callable[[str], Path], 
     assert {(row["camera"], row["stamp_ns"]): row["image"]["bytes"] for row in images} == expected
     with_depth = Counter(row["camera"] for row in images if row["depth"] is not None)
     assert with_depth == {"pair_left": 3, "pair_right": 3, "rear": 6}
-    lens = next(camera for camera in RIG.cameras if camera.name == "fisheye").lens
+    lens = next(camera for camera in RIG.enabled(CameraConfig) if camera.name == "fisheye").lens
     fisheye = next(row for row in images if row["camera"] == "fisheye")
     assert (fisheye["distortion_model"], tuple(fisheye["D"])) == (lens.model, lens.coefficients)
     clouds = pq.read_table(folder / "clouds" / "train-00000-of-00001.parquet").to_pylist()

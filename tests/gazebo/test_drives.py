@@ -33,7 +33,7 @@ LIMIT_S: Final = 900.0
 """A guard against a hang, far above what a busy machine takes."""
 CLOUDS: Final = (10, 11, 12)
 """Stamps [s] of Gazebo's clouds: each takes it seconds."""
-RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), stereo=StereoConfig(rate_hz=1.0, width=320, height=184))
+RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), cameras=StereoConfig(rate_hz=1.0, width=320, height=184))
 
 
 class Driven:

@@ -136,7 +136,7 @@ def turn_rates(seconds: Array, states: Array) -> Array:
 
 @pytest.mark.parametrize("friction", ["cone_model", "pyramid_model"])
 def test_drives_and_turns_as_commanded(friction: str, tmp_path: Path) -> None:
-    rig = paper_rig(lidar=LidarConfig(enabled=False), stereo=StereoConfig(enabled=False))
+    rig = paper_rig(lidar=LidarConfig(enabled=False), cameras=StereoConfig(enabled=False))
     world = package(tmp_path / "package", rig, friction)
     run = drive(world, tmp_path / "run", [(2, 0.3, 0.0), (7, 0.3, 0.3), (20, 0.0, 0.0), (22, 0.0, 0.0)])
     assert run.complaints == ()

@@ -59,8 +59,8 @@ def urdf_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def poses(rig: Rig) -> dict[str, Any]:
     """base_from_sensor (4, 4) of what Gazebo has, by its name there; a camera looks along its x axis."""
-    mounts = {lidar.frame: lidar.mount for lidar in rig.lidars}
-    mounts |= {sensor.name: sensor.mount for sensor in (*rig.imus, *rig.antennas)}
+    mounts = {lidar.frame: lidar.mount for lidar in rig.enabled(LidarConfig)}
+    mounts |= {sensor.name: sensor.mount for sensor in (*rig.enabled(ImuConfig), *rig.enabled(GnssConfig))}
     cameras = {i.name: i.base_from_optical @ transforms.inverse(BODY_FROM_OPTICAL) for i in rig.imagers}
     bodies = {f"{name}_{kind}": body for name, body in cameras.items() for kind in ("camera", "tag")}
     return {name: mount.base_from_sensor for name, mount in mounts.items()} | bodies
@@ -88,7 +88,9 @@ def test_sdf_has_the_frames_and_the_sensors_at_their_poses(flavour: Flavour, tmp
     assert set(sensors) == set(bodies)
     for name, body in bodies.items():
         np.testing.assert_allclose(pose(sensors[name]), body, rtol=0, atol=1e-9)
-    rates = {s.name: s.rate_hz for s in (*RIG.imus, *RIG.antennas)} | {s.frame: s.rate_hz for s in RIG.lidars}
+    rates = {s.name: s.rate_hz for s in (*RIG.enabled(ImuConfig), *RIG.enabled(GnssConfig))} | {
+        s.frame: s.rate_hz for s in RIG.enabled(LidarConfig)
+    }
     rates |= {f"{i.name}_camera": i.config.rate_hz for i in RIG.imagers}
     for name, rate in rates.items():
         assert values(sensors[name], "update_rate") == [rate]
@@ -100,7 +102,7 @@ def test_sdf_has_the_frames_and_the_sensors_at_their_poses(flavour: Flavour, tmp
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_rays_and_lenses_are_those_of_each_sensor(flavour: Flavour, tmp_path: Path) -> None:
     sensors = {str(s.get("name")): s for s in sdf(RIG, flavour, tmp_path)[0].iter("sensor")}
-    for lidar in RIG.lidars:
+    for lidar in RIG.enabled(LidarConfig):
         scan = next(sensors[lidar.frame].iter("scan"))
         low, high = (values(scan, f"vertical/{end}_angle")[0] for end in ("min", "max"))
         ours = np.arcsin(ray_directions(lidar)[0, :, 2])
@@ -126,14 +128,16 @@ def test_check_urdf_and_libsdformat_find_nothing(urdf_folder: Path) -> None:
 def test_the_urdf_has_a_plugin_with_topic_and_frame_for_each_sensor(urdf_folder: Path) -> None:
     robot = ET.parse(urdf_folder / "urdf/husky.urdf").getroot()
     sensors = {str(s.get("name")): s for s in robot.iter("sensor")}
-    assert set(sensors) == {s.frame for s in RIG.lidars} | {s.name for s in RIG.imus} | {f"{n}_camera" for n in CAMERAS}
+    assert set(sensors) == {s.frame for s in RIG.enabled(LidarConfig)} | {s.name for s in RIG.enabled(ImuConfig)} | {
+        f"{n}_camera" for n in CAMERAS
+    }
     expected = poses(RIG)
     for name, sensor in sensors.items():
         np.testing.assert_allclose(pose(sensor), expected[name], rtol=0, atol=1e-9)
     topic_of = {name: (s.findtext("plugin/topicName"), s.findtext("plugin/frameName")) for name, s in sensors.items()}
-    for lidar in RIG.lidars:
+    for lidar in RIG.enabled(LidarConfig):
         assert topic_of[lidar.frame] == (lidar.topic, lidar.frame)
-    for imu in RIG.imus:
+    for imu in RIG.enabled(ImuConfig):
         assert topic_of[imu.name] == (imu.topic[1:], imu.frame)
     for imager in RIG.imagers:
         plugin = sensors[f"{imager.name}_camera"].find("plugin")
@@ -141,7 +145,7 @@ def test_the_urdf_has_a_plugin_with_topic_and_frame_for_each_sensor(urdf_folder:
         assert (plugin.findtext("cameraName"), plugin.findtext("imageTopicName")) == (imager.topic[1:], "real")
         assert plugin.findtext("frameName") == imager.optical_frame
         assert values(plugin, "hackBaseline") == [0.1 if imager.name == "pair_right" else 0.0]
-    for antenna in RIG.antennas:
+    for antenna in RIG.enabled(GnssConfig):
         found = robot.find(f"gazebo/plugin[@name='{antenna.name}']")
         assert found is not None
         names = [found.findtext(key) for key in ("bodyName", "frameId", "topicName", "velocityTopicName", "updateRate")]
@@ -165,9 +169,9 @@ def test_bridge_and_model_agree_on_topics(tmp_path: Path) -> None:
     rows = yaml.safe_load((tmp_path / "config/bridge.yaml").read_text())
     sensors = {str(s.get("name")): f"/{s.findtext('topic')}" for s in model.iter("sensor")}
     bridged = {row["ros_topic_name"]: row["gz_topic_name"] for row in rows}
-    for lidar in RIG.lidars:
+    for lidar in RIG.enabled(LidarConfig):
         assert bridged[lidar.topic] == f"{sensors[lidar.frame]}/points"
-    for sensor in (*RIG.imus, *RIG.antennas):
+    for sensor in (*RIG.enabled(ImuConfig), *RIG.enabled(GnssConfig)):
         assert bridged[sensor.topic] == sensors[sensor.name] == sensor.topic
     images = (tmp_path / "launch/world.launch.py").read_text()
     for imager in RIG.imagers:

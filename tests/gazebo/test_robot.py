@@ -35,7 +35,7 @@ FLAVOURS = get_args(Flavour)
 OTHER_RIG = paper_rig(
     imu=ImuConfig(mount=Mount(xyz=(0.1, 0.02, 0.3), rpy_deg=(12.0, -35.0, 140.0))),
     lidar=LidarConfig(columns=33, rings=5, vertical_fov_deg=30.0, mount=Mount(xyz=(0.0, 0.1, 0.9), rpy_deg=(3, 4, 5))),
-    stereo=StereoConfig(baseline=0.2, mount=Mount(xyz=(0.2, 0.0, 0.7), rpy_deg=(0.0, 100.0, 0.0))),
+    cameras=StereoConfig(baseline=0.2, mount=Mount(xyz=(0.2, 0.0, 0.7), rpy_deg=(0.0, 100.0, 0.0))),
 )
 RIGS = pytest.mark.parametrize("rig", [Rig(), OTHER_RIG], ids=["default", "other"])
 
@@ -289,7 +289,7 @@ def test_libsdformat_finds_nothing(rig: Rig, flavour: Flavour, tmp_path: Path) -
 
 
 def test_a_rig_without_lidar_and_cameras(tmp_path: Path) -> None:
-    rig = paper_rig(lidar=LidarConfig(enabled=False), stereo=StereoConfig(enabled=False))
+    rig = paper_rig(lidar=LidarConfig(enabled=False), cameras=StereoConfig(enabled=False))
     assert {s.get("type") for s in sdf(rig, "classic", tmp_path).iter("sensor")} == {"imu", "gps"}
     text = _xacro(tmp_path)
     assert "velodyne" not in text

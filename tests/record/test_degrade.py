@@ -17,6 +17,7 @@ from fieldtruth.degradation import degrade
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
+from fieldtruth.sensors.kind import SensorWorld
 
 pytestmark = pytest.mark.usefixtures("in_park")
 NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
@@ -58,14 +59,15 @@ def test_cameras_that_stay_ideal_are_not_rendered_again(
     degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
 
 
-def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path) -> None:
+def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path, park: SensorWorld) -> None:
     """Images of another processor stay in the degraded bag; if the robot drives otherwise here, that is the reason."""
     shutil.copytree(ideal, tmp_path / "park_1")
     other = this_process() | {"packet width": "1"}
     (tmp_path / "park_1" / "made_by.json").write_text(json.dumps([other]))
     made = degrade(tmp_path / "park_1", tmp_path / "mixed", signal={"imu": "datasheet"}).parent
     assert sorted(makers_of(made), key=str) == sorted([other, this_process()], key=str)
-    assert makers_of(degrade(ideal, tmp_path / "same", signal={"imu": "datasheet"}).parent) == [this_process()]
+    same = degrade(ideal, tmp_path / "same", signal={"imu": "datasheet"}, scene=park.scene).parent
+    assert makers_of(same) == [this_process()]
 
 
 def test_a_run_that_would_be_recorded_otherwise_is_refused(ideal: Path, tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_the_run_makes_itself_again_without_the_file(tmp_path: Path) -> None:
     assert first.name == second.name
     stored = load_experiment(tmp_path / "moved/low/experiment.yaml")
     assert stored.drive is not None
-    assert (stored.drive.pose_of, stored.drive.start_s, stored.rig.wheel_odometry) == ("os1_lidar", 0.3, None)
+    assert (stored.drive.pose_of, stored.drive.start_s, stored.rig.reports_wheels) == ("os1_lidar", 0.3, False)
     (stamp, pose), *_, last = messages_of(second.parent, ODOMETRY)[ODOMETRY]
     at = pose.pose.pose.position
     np.testing.assert_allclose((at.x, at.y, at.z), (-33 + 0.3 + 0.02 - 0.09, -6.0, 1.2 - 0.826), atol=1e-9)

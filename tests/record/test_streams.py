@@ -111,12 +111,12 @@ def test_the_table_states_the_same_rates() -> None:
 
 def test_extras_have_topics_if_enabled() -> None:
     plain = {t.name for t in topics.topics_of(Rig())}
-    rig = paper_rig(stereo=StereoConfig(depth=True, instances=True))
+    rig = paper_rig(cameras=StereoConfig(depth=True, instances=True))
     assert {t.name for t in topics.topics_of(rig)} - plain == {
         f"/stereo/camera/{side}/{extra}" for side in ("left", "right") for extra in ("depth", "instances")
     }
     assert topics.topics_of(rig, latched=True) == PAPER_TOPICS
-    blind = paper_rig(stereo=StereoConfig(enabled=False, depth=True, instances=True))
+    blind = paper_rig(cameras=StereoConfig(enabled=False, depth=True, instances=True))
     assert not any("camera" in t.name for t in topics.topics_of(blind))
 
 
@@ -225,8 +225,8 @@ def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]
 @pytest.mark.parametrize(
     ("rig", "gone"),
     [
-        (paper_rig(stereo=StereoConfig(enabled=False)), "/stereo"),
-        (paper_rig(lidar=LidarConfig(enabled=False), stereo=SMALL.stereo), "/os1_cloud_node"),
+        (paper_rig(cameras=StereoConfig(enabled=False)), "/stereo"),
+        (paper_rig(lidar=LidarConfig(enabled=False), cameras=SMALL.stereo), "/os1_cloud_node"),
     ],
 )
 def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> None:
@@ -238,7 +238,7 @@ def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> 
 
 
 def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
-    rig = paper_rig(stereo=StereoConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
+    rig = paper_rig(cameras=StereoConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
     slices = make_slices(tmp_path, make_experiment(1.5, rig=rig))
     slices.record(tmp_path / "x.bag", 1, Silent())
     stamps = [r.stamp_ns for r in read_bag(tmp_path / "x.bag", ["/stereo/camera/left/tag/img_raw"])]
@@ -260,7 +260,7 @@ def test_poses_at_many_stamps_are_those_at_each() -> None:
 
 
 def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
-    rig = paper_rig(lidar=LidarConfig(columns=20, spinning=True), stereo=StereoConfig(enabled=False))
+    rig = paper_rig(lidar=LidarConfig(columns=20, spinning=True), cameras=StereoConfig(enabled=False))
     track = make_track(WORLD, make_experiment(1.0, rig=rig))
     seen = []
 

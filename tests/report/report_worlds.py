@@ -15,7 +15,7 @@ from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import Heightfield, Raster, World
 
-RIG = paper_rig(stereo=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
+RIG = paper_rig(cameras=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 EXPERIMENT = Experiment(
     name="small_1", environment="park", rig=RIG, route=route_from_metres((-8.0, 0.0), [(0.0, 0.0), (8.0, 0.0)])
 )

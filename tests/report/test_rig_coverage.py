@@ -22,6 +22,8 @@ from fieldtruth.report.rig.picture import (
     nearest_ground,
     sensor_views,
 )
+from fieldtruth.report.rig.picture import draw_rig, ground_classes
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 
@@ -50,7 +52,7 @@ def test_the_blind_circle_of_a_lidar_has_the_radius_of_its_lowest_beam(height: f
 def test_rings_of_the_plan_are_where_the_rays_of_the_scan_meet_the_ground() -> None:
     rig = many_rig()
     ground = ground_height(rig)
-    for lidar, view in zip(rig.lidars, sensor_views(rig), strict=False):
+    for lidar, view in zip(rig.enabled(LidarConfig), sensor_views(rig), strict=False):
         origin, rays = view.position, ray_directions(lidar) @ view.base_from_sensor[:3, :3].T
         down = rays[rays[..., 2] < -0.1]
         hits = origin + down * ((ground - origin[2]) / down[:, 2])[:, None]

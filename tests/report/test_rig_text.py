@@ -118,7 +118,7 @@ def test_transforms_of_the_camchain_take_points_along_the_chain() -> None:
     chain = camchain(rig)
     imagers = [imager for imager in rig.imagers if imager.name != "panorama"]
     point_imu = np.array([[0.3, -0.2, 0.7]])
-    in_base = transforms.transform(rig.imus[0].mount.base_from_sensor, point_imu)
+    in_base = transforms.transform(rig.enabled(ImuConfig)[0].mount.base_from_sensor, point_imu)
     last = np.zeros((0, 3))
     for imager, camera in zip(imagers, chain.values(), strict=True):
         in_camera = transforms.transform(np.array(camera["T_cam_imu"]), point_imu)

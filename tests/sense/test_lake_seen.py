@@ -13,7 +13,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene
@@ -60,7 +60,7 @@ def lake() -> Scene:
 
 
 def lines() -> list[Line]:
-    experiments = [load_experiment(name) for name in experiment_names()]
+    experiments = [load_experiment(name) for name in EXPERIMENTS]
     routes = [metres_from_route(e.route) for e in experiments if e.environment == "lake"]
     return [Line.through([(float(x), float(y)) for x, y in route], smooth=False) for route in routes]
 
@@ -75,7 +75,7 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the camera all of them, by the LiDAR all but water and sky."""
-    rig, hit, seen = paper_rig(stereo=StereoConfig(width=432, height=240)), set[int](), set[int]()
+    rig, hit, seen = paper_rig(cameras=StereoConfig(width=432, height=240)), set[int](), set[int]()
     lidar, camera = IdealLidar(rig.lidar, lake), LabelCamera(rig.stereo, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):

@@ -94,7 +94,9 @@ def test_a_module_that_cannot_be_imported_is_an_error_of_one_line(
     (tmp_path / "sensors").mkdir()
     (tmp_path / "sensors" / "broken.py").write_text("import nothing_of_this_name\n")
     monkeypatch.setenv("FIELDTRUTH_PATH", str(tmp_path))
-    with pytest.raises(ConfigurationError, match=r"broken\.py cannot be imported: ModuleNotFoundError: No module"):
+    with pytest.raises(
+        ConfigurationError, match=r"broken\.py: cannot use module of sensors 'broken': ModuleNotFoundError: No module"
+    ):
         load_added_kinds()
 
 

@@ -122,10 +122,10 @@ def test_words_of_signal() -> None:
     assert rig("clean") == rig("ideal")
     robot, sheet = rig("robot"), rig("datasheet")
     assert [s for s in robot.sensors if s.kind != "stereo"] == [s for s in sheet.sensors if s.kind != "stereo"]
-    (camera,) = robot.cameras
+    (camera,) = robot.enabled(CameraConfig)
     assert camera.signal.colour_matrix != CameraSignal().colour_matrix
     text = "name: a\nenvironment: park\nroute: {random: {length_m: 20, seed: 1}}\nrig: {cameras: {signal: robot}}\n"
-    assert parse_experiment(text).rig.cameras[0].signal == camera.signal
+    assert parse_experiment(text).rig.enabled(CameraConfig)[0].signal == camera.signal
     with pytest.raises(ConfigurationError, match="signal must be ideal, datasheet, clean, robot, the path"):
         parse_experiment(text.replace("signal: robot", "signal: robots"))
 

@@ -26,7 +26,7 @@ from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 WIDTH, HEIGHT = 320, 240
 STAMP = 2_000_000_000
-ALL = datasheet_of("stereo", "zed_2") | {"max_exposure_time_ms": 60.0, "exposure_time_ms": 40.0}
+ALL = datasheet_of("camera", "zed_2") | {"max_exposure_time_ms": 60.0, "exposure_time_ms": 40.0}
 Poses = Callable[[Any], F8]
 
 

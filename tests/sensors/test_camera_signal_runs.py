@@ -26,7 +26,7 @@ def _experiment(signal: Any, **changes: Any) -> Experiment:
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Bags of a robot's cameras in rain, by one worker and by two."""
-    robot = _experiment(preset_of("stereo", "robot") | {"lens_drops": 20}, weather={"rain_mm_h": 10.0})
+    robot = _experiment(preset_of("camera", "robot") | {"lens_drops": 20}, weather={"rain_mm_h": 10.0})
     return {str(k): generate(robot, tmp_path_factory.mktemp(str(k)), workers=k) for k in (1, 2)}
 
 

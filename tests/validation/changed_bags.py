@@ -6,7 +6,6 @@ import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
@@ -117,10 +117,16 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
             return [raw._replace(topic=table.STATIC_MODEL_STATES, data=whole), moving]
         if raw.topic == POINTS:
             points = read.points(message)
-            scan = SimpleNamespace(**{name: points[name] for name in ("label", "ring", "column")})
-            scan.xyz = np.stack([points[axis] for axis in "xyz"], axis=-1)
-            scan.instance, scan.t_ns = wide(points["instance"]), None
             stamp = read.stamp_ns(message.header)
+            scan = Cloud(
+                stamp_ns=stamp,
+                header_ns=stamp,
+                xyz=np.stack([points[axis] for axis in "xyz"], axis=-1),
+                instance=wide(points["instance"]),
+                label=points["label"],
+                ring=points["ring"],
+                column=points["column"],
+            )
             data = point_cloud(message.header.seq, stamp, scan, LidarConfig(), wide_ids=True)
             return raw._replace(data=data)
         if raw.topic in changed:

@@ -217,7 +217,7 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path) -> None:
             return pictures.__class__(**{**pictures.__dict__, "instance": pictures.instance + np.uint32(65_500)})
 
     engine = FakeEngine(lambda e: wide_world(e.environment, e.seed), make_track, WideLidar, WideCamera)
-    rig = paper_rig(stereo=StereoConfig(width=64, height=48, instances=True))
+    rig = paper_rig(cameras=StereoConfig(width=64, height=48, instances=True))
     experiment = make_experiment(0.1, rig=rig).model_copy(update={"static_objects": "latched"})
     bag = generate_by(engine, experiment, tmp_path, workers=1)
     [cloud] = [read.points(each.message)["instance"] for each in read.read_bag(bag, [POINTS])]

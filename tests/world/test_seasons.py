@@ -170,7 +170,9 @@ def test_colours_alone_change_neither_images_of_labels_nor_clouds() -> None:
 
 
 def _label_image(world: World) -> bytes:
-    camera = LabelCamera(ft.Rig().cameras[0].model_copy(update={"width": 160, "height": 96}), Scene(world))
+    camera = LabelCamera(
+        ft.Rig().enabled(ft.CameraConfig)[0].model_copy(update={"width": 160, "height": 96}), Scene(world)
+    )
     pose = np.eye(4)
     pose[2, 3] = float(world.terrain.surface.height_at(0.0, 0.0)) + 0.6
     image = camera.label(pose @ ft.OPTICAL)

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from fieldtruth.core import cache
-from fieldtruth.experiment import names
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.names import experiment_names, experiment_text
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.grids import Line
 
 
-@pytest.mark.parametrize("name", experiment_names())
+@pytest.mark.parametrize("name", EXPERIMENTS)
 def test_route_of_each_builtin_experiment_is_in_a_corridor(name: str) -> None:
     experiment = load_experiment(name)
     route = Line.through([(float(x), float(y)) for x, y in metres_from_route(experiment.route)], smooth=False)
@@ -38,10 +37,11 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     """Neither the corridors nor the cache key; no file of the built-in experiments is an input of a world."""
     keys = {name: world_key(name) for name in ENVIRONMENTS}
     corridors = {name: [line.points.tobytes() for line in reserved_corridors(name)] for name in ENVIRONMENTS}
-    text = experiment_text("park_1").replace("name: park_1", "name: park_9")
-    monkeypatch.setattr(names, "_texts", lambda: {"park_9": text})
+    text = EXPERIMENTS["park_1"].replace("name: park_1", "name: park_9")
+    monkeypatch.setattr(EXPERIMENTS, "_files", {})
+    monkeypatch.setitem(EXPERIMENTS, "park_9", text)
     cache._sources_digest.cache_clear()
-    assert experiment_names() == ("park_9",)
+    assert tuple(EXPERIMENTS) == ("park_9",)
     assert {name: world_key(name) for name in ENVIRONMENTS} == keys
     assert {n: [line.points.tobytes() for line in reserved_corridors(n)] for n in ENVIRONMENTS} == corridors
     source = Path(cache.__file__).parents[2]

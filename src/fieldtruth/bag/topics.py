@@ -15,6 +15,7 @@ from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
+from fieldtruth.experiment.sensor_families import ImagingConfig
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
@@ -62,7 +63,7 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 
-PAPER_RIG: Final = Rig().with_extras(("depth", "instances"))
+PAPER_RIG: Final = Rig().with_sensors(ImagingConfig, depth=True, instances=True)
 """The paper's rig, with depth and instances."""
 PAPER_TOPICS: Final = topics_of(PAPER_RIG, latched=True)
 """Topics of this rig."""

@@ -5,7 +5,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from fieldtruth.bench.sensors import measure_cameras, measure_lidars, recording, stretches_of
 from fieldtruth.core.errors import ConfigurationError
@@ -14,6 +14,8 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.environments import ENVIRONMENTS
 
@@ -74,22 +76,18 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         driven = simulation.drive()
     with progress.stage("bake the light"):
         baked, track = driven.sensor_world.baked, driven.track
-    rig = made.rig.model_copy(update={"sensors": tuple(map(_often, (*made.rig.cameras, *made.rig.lidars)))})
+    sensors = (*made.rig.enabled(CameraConfig), *made.rig.enabled(LidarConfig))
+    rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     stretches = stretches_of(track.duration_s, settings.views, workers)
     with progress.stage("LiDAR"):
         found = measure_lidars(scene, track, rig, stretches._replace(views=_SCANS), workers)
-    if not rig.cameras:
+    if not rig.enabled(CameraConfig):
         return found | peak_memory()
-    alone = rig.model_copy(update={"sensors": rig.cameras})
+    alone = rig.model_copy(update={"sensors": rig.enabled(CameraConfig)})
     with progress.stage("cameras"), recording(baked, track, alone, stretches, workers) as slices:
         peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
         found |= measure_cameras(baked, track, rig, stretches, slices, workers)
     return found | peak
-
-
-def _often(config: Any) -> Any:
-    """Return a sensor that reads in each second."""
-    return config.model_copy(update={"rate_hz": max(1.0, config.rate_hz)})
 
 
 def peak_memory() -> dict[str, float]:

@@ -62,26 +62,6 @@ def stretches_of(duration_s: float, views: int, workers: int) -> Stretches:
     return Stretches(tuple(seconds), -(-views // len(seconds)))
 
 
-class Recorded(NamedTuple):
-    """Time [s] of a recording, and what it recorded."""
-
-    took_s: float
-    images: int
-    scans: int
-
-
-def record(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, *, workers: int) -> Recorded:
-    """Record what the cameras and LiDARs of a rig see, with ``workers`` threads.
-
-    The time is that of all threads over their number, as in a long recording, in which none waits at the end.
-    """
-    with recording(baked, track, rig, stretches, workers) as slices, ThreadPoolExecutor(workers) as pool:
-        took = sum(pool.map(lambda k: float(seconds_of(slices.make_one, k)[1]), stretches.seconds)) / workers
-    clouds = {lidar.topic for lidar in rig.lidars}
-    scans = sum(len(stream.stamps_ns) for stream in slices.streams if clouds.issuperset(stream.topics))
-    return Recorded(took, sum(len(stream.stamps_ns) for stream in slices.streams) - scans, scans)
-
-
 @contextmanager
 def recording(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> Iterator[Slices]:
     """Give the slices of what the cameras and LiDARs of a rig see, to be made by ``workers`` threads."""
@@ -155,10 +135,10 @@ class Views:
 
 def measure_lidars(scene: Scene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> dict[str, float]:
     """Rates of labelled scans of all LiDARs and of bare rays, each in a thread of its own; empty without LiDAR."""
-    if not rig.lidars:
+    if not rig.enabled(LidarConfig):
         return {}
     views, rays = [], 0
-    for config in rig.lidars:
+    for config in rig.enabled(LidarConfig):
         directions = ray_directions(config).astype(np.float32)
         poses = _poses(track, stretches, config.rate_hz, [config.mount.base_from_sensor])
         views.append(_views(scene, directions, config.max_range, poses, partial(_scans, config, scene)))
@@ -179,7 +159,7 @@ def measure_cameras(
     Pairs are counted if the only cameras are a stereo pair.
     """
     views, rays = [], 0
-    for config in rig.cameras:
+    for config in rig.enabled(CameraConfig):
         directions = pixel_directions(config)
         poses = _poses(track, stretches, config.rate_hz, [imager.base_from_optical for imager in config.imagers()])
         views.append(_views(baked.scene, directions, config.far, poses, partial(_images, config, baked)))
@@ -194,7 +174,7 @@ def measure_cameras(
         "flow_over_bare": flow / bare,
         "images_per_s": sum(each.count for each in views) * workers / float(seconds[-1, 1]),
     }
-    if len(rig.cameras) == 1 and len(rig.imagers) == 2:
+    if len(rig.enabled(CameraConfig)) == 1 and len(rig.imagers) == 2:
         found["stereo_pairs_per_s"] = found["images_per_s"] / 2.0
     return found | {"image_efficiency": bare / recorded}
 

@@ -25,7 +25,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig, metres_from_route
 from fieldtruth.experiment.fields import configuration_error
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import SECTIONS
 
 T = TypeVar("T")
@@ -314,7 +314,7 @@ def _built_in(environment: str) -> list[str]:
 
 @cache
 def _catalogue() -> dict[str, Experiment]:
-    return {name: load_experiment(name) for name in experiment_names()}
+    return {name: load_experiment(name) for name in EXPERIMENTS}
 
 
 def changed_values(experiment: Experiment, changes: Mapping[str, Any]) -> dict[str, Any]:

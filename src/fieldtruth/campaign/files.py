@@ -21,7 +21,7 @@ from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.sensor_config import with_signal_files
 from fieldtruth.experiment.sensor_families import EXTRAS
 from fieldtruth.experiment.urdf import KEY as URDF
@@ -45,7 +45,7 @@ def is_campaign(name_or_path: str) -> bool:
     if name_or_path == ALL:
         return True
     path = Path(name_or_path)
-    if name_or_path in experiment_names() or not path.is_file():
+    if name_or_path in EXPERIMENTS or not path.is_file():
         return False
     try:
         return not _OWN_KEYS.isdisjoint(parse_mapping(read_text(path), name_or_path))
@@ -63,7 +63,7 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
         UnknownNameError: an unknown experiment.
     """
     if str(name_or_path) == ALL:
-        experiments = tuple(load_experiment(name) for name in experiment_names())
+        experiments = tuple(load_experiment(name) for name in EXPERIMENTS)
         return Campaign(name=ALL, description="the built-in experiments", experiments=experiments)
     path = Path(name_or_path)
     data = parse_mapping(read_text(path), str(path))
@@ -131,12 +131,12 @@ def with_changes(
 def _experiment(entry: object, file: Path) -> object:
     if not isinstance(entry, str):
         return entry  # in full
-    if entry not in experiment_names() and entry.endswith((".yaml", ".yml")):
+    if entry not in EXPERIMENTS and entry.endswith((".yaml", ".yml")):
         return load_experiment(file.parent / entry)
     try:
         return load_experiment(entry)
     except UnknownNameError:
-        raise UnknownNameError("experiment", entry, experiment_names(), str(file)) from None
+        raise UnknownNameError("experiment", entry, EXPERIMENTS, str(file)) from None
 
 
 def _validated(data: dict[str, Any], source: str) -> Campaign:

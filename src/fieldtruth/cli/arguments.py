@@ -75,11 +75,11 @@ def _integer(text: str, allowed: range, condition: str) -> int:
 
 def checked_layout(environment: str, path: Path) -> dict[str, Any]:
     """Read a file with changes to an environment's layout and check it; raises as ``check_layout``."""
-    from fieldtruth.experiment.files import load_layout
+    from fieldtruth.core.yaml_io import parse_mapping, read_text
     from fieldtruth.world.build import check_layout
 
     check_layout(environment, None)  # the file does not name it
-    layout = load_layout(path)
+    layout = parse_mapping(read_text(path), str(path))
     check_layout(environment, layout, str(path))
     return layout
 

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -43,8 +42,6 @@ def _refuse_campaign_options(options: argparse.Namespace) -> None:
 
 def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextManager[ClusterEngine | None]") -> int:
     """Make a campaign, or what is left of it, on a cluster if it is one; the exit code says whether runs failed."""
-    from functools import partial
-
     from fieldtruth.campaign.draw import Shard, parse_shard
     from fieldtruth.campaign.files import check_campaign, load_campaign, with_changes
 
@@ -199,37 +196,33 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 
 def _list(options: argparse.Namespace) -> None:
-    from fieldtruth.core.registry import user_folders
-    from fieldtruth.experiment.catalogue import TITLES, list_models, list_robots
+    from fieldtruth.experiment.catalogue import list_robots
     from fieldtruth.experiment.names import list_experiments
     from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
-    def kinds() -> dict[str, str]:
-        if not entry_points(group="fieldtruth.sensors") and not user_folders():
-            return {}
-        from fieldtruth.experiment.sensor_config import load_added_kinds  # the classes take a second to load
+    def sensors() -> dict[str, dict[str, str]]:
+        from fieldtruth.sensors.configs import list_sensors  # its classes take half a second to load
 
-        return load_added_kinds()
+        return list_sensors()
 
-    def formats() -> dict[str, str]:
+    def formats() -> dict[str, dict[str, str]]:
         from fieldtruth.exporters import FORMATS  # its readers of bags take half a second to load
 
-        return {name: row.description for name, row in FORMATS.items()}
+        return {"export formats": {name: row.description for name, row in FORMATS.items()}}
 
-    lists: dict[str, dict[str, Callable[[], Mapping[str, str]]]] = {
-        "experiments": {"experiments": list_experiments},
-        "environments": {"environments": list_environments},
-        "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()}
-        | {"kinds of other packages and of FIELDTRUTH_PATH": kinds},
-        "robots": {"robots (rig.robot)": list_robots},
-        "label-maps": {"label maps": lambda: {name: f"{len(m.classes)} classes" for name, m in LABEL_MAPS.items()}},
-        "formats": {"export formats": formats},
+    lists: dict[str, Callable[[], Mapping[str, Mapping[str, str]]]] = {
+        "experiments": lambda: {"experiments": list_experiments()},
+        "environments": lambda: {"environments": list_environments()},
+        "sensors": sensors,
+        "robots": lambda: {"robots (rig.robot)": list_robots()},
+        "label-maps": lambda: {"label maps": {name: f"{len(m.classes)} classes" for name, m in LABEL_MAPS.items()}},
+        "formats": formats,
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)
-    chosen = lists["experiments"] | lists["environments"] if options.what is None else lists[options.what]
-    for title, entries in ((title, list_entries()) for title, list_entries in chosen.items()):
+    chosen = ("experiments", "environments") if options.what is None else (options.what,)
+    for title, entries in (entry for name in chosen for entry in lists[name]().items()):
         if not entries:
             continue
         width = max(map(len, entries))
@@ -257,11 +250,11 @@ def _preview(options: argparse.Namespace) -> None:
 
 def _shares(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import with_overrides
-    from fieldtruth.experiment.names import experiment_names
+    from fieldtruth.experiment.names import EXPERIMENTS
 
     if not options.experiments:
-        raise UsageError(f"give experiments, or all. Available: {', '.join(experiment_names())}")
-    names = experiment_names() if options.experiments == ["all"] else options.experiments
+        raise UsageError(f"give experiments, or all. Available: {', '.join(EXPERIMENTS)}")
+    names = list(EXPERIMENTS) if options.experiments == ["all"] else options.experiments
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.report.shares import shares_of, shares_table
 

@@ -49,7 +49,7 @@ def _annotate(options: argparse.Namespace) -> None:
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.lidar:
-        rig = rig.switched(lidar=False)
+        rig = rig.with_each(lambda each: {"enabled": False} if each.switch == "lidar" else {})
     world = (
         WorldConfig(options.environment)
         if like is None

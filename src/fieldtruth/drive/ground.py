@@ -102,13 +102,9 @@ def _faces_of(world: World, mesh: Mesh, labels: frozenset[Label]) -> NDArray[np.
         known = _faces[id(mesh)] = {}
         weakref.finalize(mesh, _faces.pop, id(mesh), None)
     if labels not in known:
-        known[labels] = _find_faces(world, mesh, labels)
+        rows = [k for k, name in enumerate(mesh.materials) if world.materials[name].label in labels]
+        known[labels] = np.ascontiguousarray(mesh.faces[np.isin(mesh.material, rows)])
     return known[labels]
-
-
-def _find_faces(world: World, mesh: Mesh, labels: frozenset[Label]) -> NDArray[np.int32]:
-    rows = [k for k, name in enumerate(mesh.materials) if world.materials[name].label in labels]
-    return np.ascontiguousarray(mesh.faces[np.isin(mesh.material, rows)])
 
 
 def _with_stones(world: World) -> Heightfield:

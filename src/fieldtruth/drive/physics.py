@@ -233,7 +233,9 @@ def build_physics(world: World, rig: Rig) -> Physics:
     add_terrain(spec, bearing_field(world))
     bearing = supports(rig)
     for support in bearing:
-        _add_plane(spec, plane_geom(support.geom))
+        # The plane that a wheel rolls on: a body that is moved before every step.
+        body = spec.worldbody.add_body(name=plane_geom(support.geom), mocap=True)
+        body.add_geom(name=body.name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
     names = _add_obstacles(spec, world)
     add_robot(spec, rig)
     for support in bearing:
@@ -248,12 +250,6 @@ def build_physics(world: World, rig: Rig) -> Physics:
     model = spec.compile()
     _set_stiffness(model, bearing, rig.robot)
     return Physics(model, {model.geom(geom).id: name for geom, name in names.items()})
-
-
-def _add_plane(spec: Any, name: str) -> None:
-    """Add the plane that a wheel rolls on: a body that is moved before every step."""
-    body = spec.worldbody.add_body(name=name, mocap=True)
-    body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
 
 
 def _set_stiffness(model: Any, bearing: Sequence[Support], robot: RobotConfig) -> None:

@@ -47,7 +47,7 @@ from fieldtruth.experiment.config import (
     route_from_metres,
 )
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield, World
 
@@ -202,7 +202,7 @@ def _planned(
 
 def experiments_in(environment: str) -> list[Experiment]:
     """Return the built-in experiments of an environment, by name."""
-    experiments = map(load_experiment, experiment_names())
+    experiments = map(load_experiment, EXPERIMENTS)
     return [experiment for experiment in experiments if experiment.environment == environment]
 
 

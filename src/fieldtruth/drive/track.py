@@ -7,6 +7,7 @@ for rates that divide 1000 Hz the two are equal.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeVar
 
@@ -22,6 +23,8 @@ STEP_NS: Final = 1_000_000
 STEP_S: Final = STEP_NS / 1e9
 Stamps = NDArray[np.int64]
 """Simulated time (n,) [ns]."""
+PoseAt = Callable[[int | NDArray[np.int64]], Array]
+"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
 _Columns = TypeVar("_Columns", "Motion", "WheelMotion")
 
 

@@ -15,96 +15,67 @@ from fieldtruth.core.errors import suggestion
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_data
 
-TITLES: Final = {
-    "lidar": "LiDARs (kind lidar)",
-    "camera": "cameras (kinds camera and stereo)",
-    "imu": "inertial measurement units (kind imu)",
-    "gnss": "GNSS receivers (kind gnss)",
-    "wheel_odometry": "wheel encoders (kind wheel_odometry)",
-}
-"""What the models of each folder are."""
-_FOLDERS: Final = {"stereo": "camera"}
-"""Folder of the kinds that do not have one of their own."""
 _DATA: Final = Path(__file__).parent / "models"
 
 
 @cache
-def models(kind: str) -> Registry[dict[str, Any]]:
-    """Return the models of a kind of sensor by name, which another package's kind may have, too.
+def models(family: str) -> Registry[dict[str, Any]]:
+    """Return the models of a family of sensors by name: of a kind, which may be another package's, or of several.
 
     Each has a ``description``, its ``figures``, ``noise`` and, not simulated, ``stored``: mappings of keys to ``value``
     and ``source``. Figures are keys of the sensor's configuration, with a few exceptions: a single camera has
     no ``baseline``, and a LiDAR with ``firing_cycle_ns`` has its ``columns`` from that and its rate.
     """
-    folder = _FOLDERS.get(kind, kind)
-    if folder != kind:
-        return models(folder)
-    builtin: Path | dict[str, dict[str, Any]] = _DATA / folder if folder in TITLES else {}
-    return Registry(f"model of kind {kind}", f"sensors/{folder}", ".yaml", read_data, builtin)
+    return Registry(f"model of kind {family}", f"sensors/{family}", ".yaml", read_data, _DATA / family)
 
 
-def list_models(kind: str) -> dict[str, str]:
-    """Name and one-line description of each model of a kind of sensor."""
-    return {name: str(model["description"]) for name, model in models(kind).items()}
+def list_models(family: str) -> dict[str, str]:
+    """Name and one-line description of each model of a family of sensors."""
+    return {name: str(model["description"]) for name, model in models(family).items()}
 
 
-def figures_of(kind: str, name: str) -> dict[str, Any]:
+def figures_of(family: str, name: str) -> dict[str, Any]:
     """Values of the figures of a model by key.
 
     Raises:
-        UnknownNameError: no model of that kind has the name.
+        UnknownNameError: no model of that family has the name.
     """
-    return {key: figure["value"] for key, figure in models(kind).find(name)["figures"].items()}
+    return {key: figure["value"] for key, figure in models(family).find(name)["figures"].items()}
 
 
-def datasheet_of(kind: str, name: str) -> dict[str, Any]:
+def datasheet_of(family: str, name: str) -> dict[str, Any]:
     """Values of the ``noise`` of a model by key; empty if it has none."""
-    return {key: figure["value"] for key, figure in models(kind).get(name, {}).get("noise", {}).items()}
+    return {key: figure["value"] for key, figure in models(family).get(name, {}).get("noise", {}).items()}
 
 
 @cache
-def preset_of(kind: str, name: str) -> dict[str, Any]:
-    """Values of a signal that is of no model, ``models/presets/KIND_NAME.yaml``, by key; empty without one."""
-    path = _DATA / "presets" / f"{_FOLDERS.get(kind, kind)}_{name}.yaml"
+def preset_of(family: str, name: str) -> dict[str, Any]:
+    """Values of a signal that is of no model, ``models/presets/FAMILY_NAME.yaml``, by key; empty without one."""
+    path = _DATA / "presets" / f"{family}_{name}.yaml"
     if not path.is_file():
         return {}
     return {key: figure["value"] for key, figure in parse_mapping(path.read_text("utf-8"), path.name)["noise"].items()}
 
 
-ROBOTS: Final[Registry[dict[str, Any]]] = Registry(
-    "robot", "robots", ".yaml", read_data, Path(__file__).parent / "models" / "robot"
-)
-
-
-def robot_names() -> tuple[str, ...]:
-    """Names of the robots: those of the package, sorted, then added ones."""
-    return tuple(ROBOTS)
-
-
-def robot_data(name: str) -> dict[str, Any]:
-    """Data of a robot: ``description``, and ``figures`` with value and source by key of ``rig.robot``.
-
-    Raises:
-        ValueError: unknown name; the text suggests the closest one.
-    """
-    if name not in ROBOTS:
-        raise ValueError(f"unknown robot {name!r}; {suggestion(name, ROBOTS)}")
-    return ROBOTS[name]
+ROBOTS: Final[Registry[dict[str, Any]]] = Registry("robot", "robots", ".yaml", read_data, _DATA / "robot")
+"""Each has a ``description``, and ``figures`` with value and source by key of ``rig.robot``."""
 
 
 def list_robots() -> dict[str, str]:
     """Name and one-line description of each robot."""
-    return {name: str(robot_data(name)["description"]) for name in robot_names()}
+    return {name: str(data["description"]) for name, data in ROBOTS.items()}
 
 
 def with_robot_model(given: Mapping[str, Any]) -> dict[str, Any]:
     """Complete values of ``rig.robot`` that name a model, also within ``wheels`` and ``caster``; what is given stays.
 
     Raises:
-        ValueError: unknown model.
+        ValueError: unknown model; the text suggests the closest one.
     """
+    if given["model"] not in ROBOTS:
+        raise ValueError(f"unknown robot {given['model']!r}; {suggestion(given['model'], ROBOTS)}")
     values: dict[str, Any] = {}
-    for key, figure in robot_data(given["model"])["figures"].items():
+    for key, figure in ROBOTS[given["model"]]["figures"].items():
         part, _, inner = key.partition(".")
         if inner:
             values.setdefault(part, {})[inner] = figure["value"]

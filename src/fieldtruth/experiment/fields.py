@@ -19,6 +19,8 @@ UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
 TYPES: Final = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 BOUNDS: Final = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
 MAX_VALUE_LENGTH: Final = 60  # characters
+CLEARLY: Final = 3
+"""Values that must differ from those of a named model before they are taken for another's."""
 
 
 class PartError(ValueError):

@@ -14,7 +14,7 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
-from fieldtruth.experiment.names import experiment_names, experiment_text
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.sensor_config import KINDS, SIGNAL, WORDS, SensorConfig, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
@@ -38,10 +38,10 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed, file of a newer version.
     """
     text = str(name_or_path)
-    if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
+    if text not in EXPERIMENTS and (_looks_like_path(name_or_path) or Path(text).is_file()):
         folder = Path(name_or_path).parent
         return _beside(parse_experiment(read_text(Path(name_or_path)), text, folder), folder)
-    return parse_experiment(experiment_text(text), f"experiment {text}")
+    return parse_experiment(EXPERIMENTS.find(text), f"experiment {text}")
 
 
 def parse_experiment(text: str, source: str = "", folder: Path | None = None) -> Experiment:
@@ -57,17 +57,6 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
     if folder is not None and rig is not None:
         data["rig"] = with_signal_files(rig, folder)
     return validated(data, source)
-
-
-def load_layout(path: Path) -> dict[str, Any]:
-    """Read a YAML file with changes to an environment's layout, for example ``old_trees: 60``.
-
-    The world checks keys and values (``world.build.check_layout``), not this.
-
-    Raises:
-        ConfigurationError: unreadable or invalid file.
-    """
-    return parse_mapping(read_text(path), str(path))
 
 
 def dump_experiment(experiment: Experiment) -> str:
@@ -111,14 +100,14 @@ def with_overrides(
     values |= {
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
-    rig = experiment.rig
-    rig = rig.switched(**{switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None})
+    switches = {switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None}
+    rig = experiment.rig.with_each(lambda each: {"enabled": switches[each.switch]} if each.switch in switches else {})
     if extras is not None:
         known = [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
         for name in extras:
             if name not in known:
                 raise UnknownNameError("extra", name, known)
-        rig = rig.with_extras(extras)
+        rig = rig.with_each(lambda each: {name: name in extras for name in each.extras})
     dumped = rig.model_dump()
     if signal is not None:
         signals = _signals(signal, rig.sensors)

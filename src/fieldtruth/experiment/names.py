@@ -6,15 +6,13 @@ Others are in folders ``experiments`` of FIELDTRUTH_PATH, or named by entry poin
 configuration imports this module, so that a new experiment changes no world's cache key.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 
-_EXPERIMENTS: Final[Registry[str]] = Registry(
+EXPERIMENTS: Final[Registry[str]] = Registry(
     "experiment",
     "experiments",
     ".yaml",
@@ -23,27 +21,6 @@ _EXPERIMENTS: Final[Registry[str]] = Registry(
 )
 
 
-def _texts() -> Mapping[str, str]:
-    return _EXPERIMENTS
-
-
-def experiment_names() -> tuple[str, ...]:
-    """Names of the experiments: the built-in ones, sorted, then added ones."""
-    return tuple(_texts())
-
-
-def experiment_text(name: str) -> str:
-    """YAML text of an experiment.
-
-    Raises:
-        UnknownNameError: unknown name.
-    """
-    try:
-        return _texts()[name]
-    except KeyError:
-        raise UnknownNameError("experiment", name, experiment_names()) from None
-
-
 def list_experiments() -> dict[str, str]:
     """Name and one-line description of each experiment."""
-    return {name: str(parse_mapping(text, name).get("description", "")) for name, text in _texts().items()}
+    return {name: str(parse_mapping(text, name).get("description", "")) for name, text in EXPERIMENTS.items()}

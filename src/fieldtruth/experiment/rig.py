@@ -7,26 +7,29 @@ its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` 
 """
 
 import itertools
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, part, sensor_of
+from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, check_model, part, sensor_of
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.configs import CONFIGS
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -62,12 +65,23 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     for i, sensor in enumerate(sensors):
+        with _at("sensors", i):
+            check_model(sensor)
         if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
             at = ("sensors", i, "clock", "jitter_s")
             raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
         if sensor.enabled and (sensor.sees or not sensor.in_hull):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))
+
+
+@contextmanager
+def _at(*at: str | int) -> Iterator[None]:
+    """Put a position in front of that of a rule that is broken."""
+    try:
+        yield
+    except LocatedError as error:
+        raise LocatedError(str(error), (*at, *error.at)) from error
 
 
 def _differ(
@@ -114,13 +128,11 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
     robot = part(RobotConfig, rest.get("robot", {}), "robot").model_dump()
     for key, config in ROBOT_SECTIONS.items():
         if key in given:
-            value = {**robot[key], **given[key]} if _is_change(given[key], robot[key]) else given[key]
+            value, known = given[key], robot[key]
+            if isinstance(value, Mapping) and isinstance(known, Mapping):
+                value = {**known, **value}
             robot[key] = part(config, value, key).model_dump()
     return {**rest, "robot": part(RobotConfig, robot)}
-
-
-def _is_change(value: Any, known: Any) -> bool:
-    return isinstance(value, Mapping) and isinstance(known, Mapping)
 
 
 _OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
@@ -199,6 +211,8 @@ class Rig(Frozen):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        with _at("robot"):
+            self.robot.check_model()
         check_sensors(self.sensors, self._own_frames(), self.robot)
         return self
 
@@ -206,16 +220,6 @@ class Rig(Frozen):
     def wheels(self) -> WheelConfig:
         """The robot's wheels."""
         return self.robot.wheels
-
-    @property
-    def wheel_speed_topics(self) -> tuple[str, ...]:
-        """Topics of the speeds of its wheels."""
-        return WHEEL_SPEEDS[: len(self.wheels.names)]
-
-    @property
-    def base_footprint(self) -> Mount:
-        """Frame on the ground below base_link."""
-        return self.robot.footprint
 
     def giving(self, reading: type[Reading]) -> tuple[MountedConfig, ...]:
         """Return the sensors in a frame of their own that are enabled and whose readings are of a type."""
@@ -238,34 +242,9 @@ class Rig(Frozen):
         return next((output.rate_hz for output in outputs if issubclass(output.reading, reading)), None)
 
     @property
-    def lidars(self) -> tuple[LidarConfig, ...]:
-        """The LiDARs that are enabled."""
-        return self.enabled(LidarConfig)
-
-    @property
-    def cameras(self) -> tuple[CameraConfig, ...]:
-        """The cameras and stereo pairs that are enabled."""
-        return self.enabled(CameraConfig)
-
-    @property
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the sensors that are enabled."""
         return tuple(imager for sensor in self.enabled(ImagingConfig) for imager in sensor.imagers())
-
-    @property
-    def imus(self) -> tuple[ImuConfig, ...]:
-        """The inertial measurement units that are enabled."""
-        return self.enabled(ImuConfig)
-
-    @property
-    def antennas(self) -> tuple[GnssConfig, ...]:
-        """The GNSS receivers that are enabled."""
-        return self.enabled(GnssConfig)
-
-    @property
-    def wheel_odometry(self) -> WheelOdometryConfig | None:
-        """The wheel odometry, if it is enabled."""
-        return next(iter(self.enabled(WheelOdometryConfig)), None)
 
     @property
     def reports_wheels(self) -> bool:
@@ -304,14 +283,6 @@ class Rig(Frozen):
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
         return self.with_each(lambda sensor: values if isinstance(sensor, config) else {})
 
-    def switched(self, **on: bool) -> Self:
-        """Return a rig with all sensors of a ``switch`` on or off: ``switched(cameras=False)``."""
-        return self.with_each(lambda sensor: {"enabled": on[sensor.switch]} if sensor.switch in on else {})
-
-    def with_extras(self, names: Collection[str]) -> Self:
-        """Return a rig whose sensors publish these of their ``extras``, and no others."""
-        return self.with_each(lambda sensor: {name: name in names for name in sensor.extras})
-
     def with_each(self, change: Callable[[SensorConfig], Mapping[str, Any]]) -> Self:
         """Return a rig in which each sensor has the values that ``change`` returns for it."""
         changed = tuple(sensor.model_copy(update=change(sensor)) for sensor in self.sensors)
@@ -331,7 +302,7 @@ class Rig(Frozen):
             for side, axle in itertools.product(("right", "left"), ("front", "rear"))
             if f"{axle}_{side}" in w.names
         }
-        return wheels | {"base_footprint": self.base_footprint}
+        return wheels | {"base_footprint": self.robot.footprint}
 
     def _first(self, config: type[_Config]) -> _Config:
         enabled = self.enabled(config)
@@ -345,10 +316,13 @@ def paper_rig(
     gnss: GnssConfig | None = None,
     wheel_odometry: WheelOdometryConfig | None = None,
     lidar: LidarConfig | None = None,
+    cameras: StereoConfig | None = None,
     stereo: StereoConfig | None = None,
 ) -> Rig:
-    """Return the paper's rig, with other settings of the sensors that are given."""
-    given = (imu, gnss, wheel_odometry, lidar, stereo)
+    """Return the paper's rig, with other settings of the sensors that are given; ``cameras`` was called ``stereo``."""
+    if stereo is not None:
+        warnings.warn("stereo is now called cameras", FieldtruthWarning, stacklevel=2)
+    given = (imu, gnss, wheel_odometry, lidar, cameras or stereo)
     return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))
 
 

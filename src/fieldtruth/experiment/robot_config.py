@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fieldtruth.experiment.catalogue import with_robot_model
-from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive
+from fieldtruth.experiment.catalogue import ROBOTS, with_robot_model
+from fieldtruth.experiment.fields import CLEARLY, Frozen, LocatedError, Mount, Number, Positive, shortened
 
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 GRAVITY: Final = 9.81  # [m/s^2]
@@ -114,6 +114,23 @@ class RobotConfig(Frozen):
         if w.tyre_stiffness < least:
             what = f"must be at least {least:.0f}, so that a tyre carries its share of {self.mass:g} kg"
             raise LocatedError(f"{what}, got {w.tyre_stiffness:g}", ("wheels", "tyre_stiffness"))
+
+    def check_model(self) -> None:
+        """Check that its values are not all those of another model, as in a stored file whose ``model`` was changed.
+
+        Raises:
+            LocatedError: the first value that is of another model.
+        """
+        clear = self._unlike(self.model) if self.model_fields_set else []  # the defaults are those of the Husky
+        for other in ROBOTS if len(clear) >= CLEARLY else ():
+            if other != self.model and not self._unlike(other):
+                what = f"is that of the model {other}, not of {self.model}: {shortened(getattr(self, clear[0]))}"
+                raise LocatedError(f"{what}; leave out what {self.model} shall give", clear[:1])
+
+    def _unlike(self, model: str) -> list[str]:
+        other = RobotConfig.model_validate({"model": model})
+        keys = [key for key in RobotConfig.model_fields if key != "model"]
+        return [key for key in keys if getattr(self, key) != getattr(other, key)]
 
     @property
     def footprint(self) -> Mount:

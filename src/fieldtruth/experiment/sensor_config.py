@@ -3,20 +3,20 @@
 """Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
-from collections.abc import Callable, Mapping
-from functools import partial
-from importlib.metadata import entry_points
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.core.readings import Message, Reading
-from fieldtruth.core.registry import load_module, user_folders
+from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.catalogue import datasheet_of, figures_of, models, preset_of
 from fieldtruth.experiment.fields import (
+    CLEARLY,
     Boolean,
     Frozen,
     LocatedError,
@@ -62,7 +62,7 @@ class Output(NamedTuple):
     ideal: bool = False
     """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
     clock: str = ""
-    """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
+    """Part of the sensor that loses readings by a draw of its own; see ``record.streams.series_of``."""
     frame: str = ""
     """Frame in the headers of its messages; empty if they have none."""
     reading: type[Reading] = Message
@@ -115,12 +115,12 @@ class SignalConfig(Frozen):
     """Figures of a real sensor; each kind has a subclass. Without any value given, nothing differs from ideal."""
 
 
-def signal_values(given: Any, kind: str, model: str) -> Any:
+def signal_values(given: Any, family: str, model: str) -> Any:
     """Return the figures that ``signal`` of a sensor means: a mapping, or None for ideal.
 
     Args:
         given: value of the key.
-        kind: kind of sensor.
+        family: of the sensor's kind.
         model: whose data sheet ``datasheet`` means.
 
     Raises:
@@ -128,12 +128,12 @@ def signal_values(given: Any, kind: str, model: str) -> Any:
     """
     if given is None or given in (IDEAL, CLEAN):
         return None
-    if given == ROBOT and (preset := preset_of(kind, ROBOT)):
+    if given == ROBOT and (preset := preset_of(family, ROBOT)):
         return preset
     if given in (DATASHEET, ROBOT):
         if not model:
             raise LocatedError("must be ideal: this kind of sensor has no data sheet", [SIGNAL])
-        return datasheet_of(kind, model)
+        return datasheet_of(family, model)
     if not isinstance(given, str):
         return given
     if not given.endswith(_ENDINGS):
@@ -204,8 +204,8 @@ class SensorConfig(Frozen):
     """Name of such a sensor in texts, like ``LiDAR``; empty: its kind."""
     gives: ClassVar[type[Reading]] = Message
     """Type of its readings."""
-    models_of: ClassVar[str] = ""
-    """Folder of its models in ``models``, and of entry points; empty: its kind."""
+    family: ClassVar[str] = ""
+    """Folder of its models in ``models``, and of entry points, which other kinds may share; by default its kind."""
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
     needs_wheels: ClassVar[bool] = False
@@ -245,29 +245,26 @@ class SensorConfig(Frozen):
         super().__pydantic_init_subclass__(**kwargs)
         kind = cls.model_fields["kind"].default
         if isinstance(kind, str):
-            KINDS[kind] = cls
+            KINDS[kind], cls.family = cls, vars(cls).get("family", kind)
 
     @model_validator(mode="before")
     @classmethod
-    def _named(cls, given: Any) -> Any:
-        name = given.get("name") if isinstance(given, Mapping) else None
-        if not isinstance(name, str) or name == cls.model_fields["name"].default:
-            return given
-        return {**cls.of_name(name), **given}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_model(cls, given: Any) -> Any:
+    def _completed(cls, given: Any) -> Any:
+        """Add what name, model and data sheet give."""
         if not isinstance(given, Mapping):
             return given
-        kind, model = str(cls.model_fields["kind"].default), given.get("model")
-        if isinstance(model, str) and model not in models(kind):
-            nearest = ", ".join(nearest_first(model, models(kind))) or "none"
+        kind, name, model = cls.model_fields["kind"].default, given.get("name"), given.get("model")
+        known, has_own_name = models(cls.family), isinstance(name, str) and name != cls.model_fields["name"].default
+        if has_own_name and "mount" in cls.model_fields and "mount" not in given:
+            raise LocatedError(f"is required: {condition_at(cls, ['mount'])}", ["mount"])
+        if isinstance(model, str) and model not in known:
+            nearest = ", ".join(nearest_first(model, known)) or "none"
             raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
-        values = cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        values = cls.completed(dict(given), figures_of(cls.family, model) if isinstance(model, str) else {})
         if SIGNAL in values:
-            values[SIGNAL] = signal_values(values[SIGNAL], kind, model if isinstance(model, str) else cls.datasheet)
-        return values
+            model = model if isinstance(model, str) else cls.datasheet
+            values[SIGNAL] = signal_values(values[SIGNAL], cls.family, model)
+        return cls.of_name(str(name)) | values if has_own_name else values
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -320,9 +317,10 @@ class SensorConfig(Frozen):
     def output(
         self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
     ) -> Output:
-        """Return a series of readings of the sensor, or of a part of it."""
+        """Return a series of readings of the sensor, or of a part of it; in its own frame, unless another is given."""
         name = f"{self.name}/{part}" if part else self.name
-        return Output(name, topics, part, clock=clock, frame=frame, reading=reading)
+        own = frame or next(iter(self.frames()), "")
+        return Output(name, topics, part, clock=clock, frame=own, reading=reading)
 
     def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
         """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
@@ -397,55 +395,34 @@ class MountedConfig(SensorConfig):
     mount: Mount
     frame: FrameName
 
-    @model_validator(mode="before")
-    @classmethod
-    def _mounted(cls, given: Any) -> Any:
-        own = cls.model_fields["name"].default
-        if isinstance(given, Mapping) and "mount" not in given and given.get("name", own) != own:
-            raise LocatedError(f"is required: {condition_at(cls, ['mount'])}", ["mount"])
-        return given
-
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
         return {"topic": f"/{name}", "frame": f"{name}_link"}
-
-    def output(
-        self, *topics: Topic, part: str = "", clock: str = "", frame: str = "", reading: type[Reading] = Message
-    ) -> Output:
-        """Return a series of readings in its frame, or in another one."""
-        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame, reading=reading)
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""
         return {self.frame: self.mount}
 
 
-GROUP: Final = "fieldtruth.sensors"
-"""Entry points of packages with kinds of sensors: each names a module."""
+_MODULES: Final[Registry[ModuleType]] = Registry(
+    "module of sensors",
+    "sensors",
+    ".py",
+    lambda name, found: load_module(f"fieldtruth_sensors_{name}", found) if isinstance(found, Path) else found,
+    {},
+)
+"""Modules of other packages and of the user; the import of one makes the kinds that it defines known."""
 
 
-def load_added_kinds() -> dict[str, str]:
-    """Import the modules of other packages and of the user that define kinds of sensors; return kind and description.
+def load_added_kinds() -> None:
+    """Import the modules of other packages and of the user that define kinds of sensors.
 
     Raises:
         ConfigurationError: one of them cannot be imported.
     """
-    for point in entry_points(group=GROUP):
-        _load(f"the sensors of the entry point {point.name} = {point.value}", point.load)
-    for folder in user_folders():
-        for path in sorted((folder / "sensors").glob("*.py")):
-            _load(str(path), partial(load_module, f"fieldtruth_sensors_{path.stem}", path))
-    own = __name__.partition(".")[0]
-    added = {kind: config for kind, config in KINDS.items() if config.__module__.partition(".")[0] != own}
-    return {kind: (config.__doc__ or "").strip().partition("\n")[0] for kind, config in sorted(added.items())}
-
-
-def _load(what: str, load: Callable[[], Any]) -> None:
-    try:
-        load()
-    except Exception as error:  # whatever the code of others raises
-        raise ConfigurationError(f"{what} cannot be imported: {type(error).__name__}: {error}") from error
+    for name in _MODULES:
+        _MODULES[name]
 
 
 def sensor_of(value: Any) -> SensorConfig:
@@ -470,6 +447,39 @@ def sensor_of(value: Any) -> SensorConfig:
     if config.needs_mount and "mount" not in value:
         raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
     return part(config, value)
+
+
+def check_model(sensor: SensorConfig) -> None:
+    """Check that the values of a sensor with a model are not all those of another model, or of none.
+
+    A stored experiment has every value of a sensor, so that to change ``model`` there would change the name alone.
+
+    Raises:
+        LocatedError: the first figure that is of another model; or the signal, if it is another's data sheet.
+    """
+    config, model = type(sensor), sensor.model
+    if model is None:
+        return
+    given = config.completed({}, figures_of(config.family, model)).keys() - {"rate_hz"}
+    figures, signal = [key for key in config.model_fields if key in given], [SIGNAL] * (sensor.signal is not None)
+    clear = _unlike(sensor, model, figures)
+    keys = figures if len(clear) >= CLEARLY else _unlike(sensor, model, signal)
+    for other in (None, *models(config.family)) if keys else ():
+        if other != model and not _unlike(sensor, other, keys):
+            key = clear[0] if keys is figures else SIGNAL
+            whose = "without a model" if other is None else f"of the model {other}"
+            what = f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}"
+            raise LocatedError(f"{what}; leave out what {model} shall give", [key])
+
+
+def _unlike(sensor: SensorConfig, model: str | None, keys: Sequence[str]) -> list[str]:
+    """Return the keys in which a sensor differs from one of a model with the same rate, and a real one's signal."""
+    values = {"model": model, "rate_hz": sensor.rate_hz, **({SIGNAL: DATASHEET} if SIGNAL in keys else {})}
+    try:
+        other = part(type(sensor), values)
+    except PartError:  # a model that has no such rate
+        return list(keys)
+    return [key for key in keys if getattr(sensor, key) != getattr(other, key)]
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:

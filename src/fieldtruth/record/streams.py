@@ -51,13 +51,6 @@ def read_clock(stamps_ns: Stamps, config: ClockConfig, rng: np.random.Generator)
     return ClockReadings(shown, np.flatnonzero(~lost & (shown > 0)))
 
 
-def clock_of(config: SensorConfig, stamps_ns: Stamps, seed: int, part: str = "") -> ClockReadings:
-    """Return the clock of a sensor at its readings; a ``part`` of the sensor with its own rate loses its own ones."""
-    if config.clock is None:
-        return ClockReadings(stamps_ns, np.arange(len(stamps_ns)))
-    return read_clock(stamps_ns, config.clock, rng_of(seed, config.name, _CLOCK, *[part] * bool(part)))
-
-
 Sensors = Mapping[str, Sensor]
 """The sensors of one worker by name; they own buffers, so threads must not share them."""
 
@@ -113,8 +106,10 @@ def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stam
     series = []
     for output in config.outputs_on(rig.robot):
         stamps = stamps_of(output)
-        exact = ClockReadings(stamps, np.arange(len(stamps)))
-        clock = exact if output.ideal else clock_of(config, stamps, seed, output.clock)
+        clock = ClockReadings(stamps, np.arange(len(stamps)))
+        if config.clock is not None and not output.ideal:
+            rng = rng_of(seed, config.name, _CLOCK, *[output.clock] * bool(output.clock))
+            clock = read_clock(stamps, config.clock, rng)
         series.append(Series(config, output, stamps, clock))
     return series
 

@@ -20,7 +20,7 @@ from fieldtruth.core.classes import CLASSES, NO_RETURN
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.catalogue import robot_data
+from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
@@ -40,7 +40,7 @@ _TEMPLATES: Final = Environment(
 
 def robot_title(robot: RobotConfig) -> str:
     """Return the robot with its article: that of its model, or one with figures of its own."""
-    name = str(robot_data(robot.model)["description"]).partition(":")[0].removesuffix(" A200")
+    name = str(ROBOTS[robot.model]["description"]).partition(":")[0].removesuffix(" A200")
     if name.startswith("A robot"):
         return f"{robot.drive.replace('_', '-')} robot of {robot.mass:g} kg"
     return name if robot == RobotConfig(model=robot.model) else f"robot with figures other than a {name}'s"

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configurations of the package's kinds of sensors, which become known by their import."""
+"""Configurations of the package's kinds of sensors, which become known by their import, and a list of all models."""
 
 from typing import Final
 
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.catalogue import list_models
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, load_added_kinds
 from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -15,3 +16,17 @@ CONFIGS: Final[tuple[type[SensorConfig], ...]] = (
     ImuConfig, GnssConfig, WheelOdometryConfig, LidarConfig, CameraConfig, StereoConfig
 )  # fmt: skip
 """In the order of their topics in a bag."""
+
+
+def list_sensors() -> dict[str, dict[str, str]]:
+    """Return name and description of the models of each family, and of the kinds that others have added, by title."""
+    load_added_kinds()
+    lists = {}
+    for family in dict.fromkeys(config.family for config in (*CONFIGS, *KINDS.values())):
+        kinds = [kind for kind, config in KINDS.items() if config.family == family]
+        noun = KINDS[kinds[0]].noun or kinds[0]
+        many = noun if noun.endswith("s") else f"{noun}s"
+        lists[f"{many} (kind{'s' * (len(kinds) > 1)} {' and '.join(kinds)})"] = list_models(family)
+    added = {kind: config for kind, config in sorted(KINDS.items()) if config not in CONFIGS}
+    described = {kind: (config.__doc__ or "").strip().partition("\n")[0] for kind, config in added.items()}
+    return {**lists, "kinds of other packages and of FIELDTRUTH_PATH": described}

@@ -13,10 +13,9 @@ from functools import cached_property
 from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.track import STEP_NS, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
+from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
@@ -25,8 +24,6 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
 _Made = TypeVar("_Made")
-PoseAt = Callable[[int | NDArray[np.int64]], Array]
-"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
 SENSORS: Final[dict[type[SensorConfig], type["Sensor"]]] = {}
 """Sensors by the class of their configuration."""
 

@@ -35,16 +35,6 @@ from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.world.model import World
 
 
-def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
-    """Return the experiment as it is written beside the bag, where track.csv holds the poses of the track file.
-
-    What moves along a track file may have no wheels, so there is no wheel odometry.
-    """
-    assert experiment.drive is not None
-    drive = experiment.drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": file.frame})
-    return without_wheels(experiment).model_copy(update={"drive": drive})
-
-
 def without_wheels(experiment: Experiment) -> Experiment:
     """Return the experiment without wheel odometry."""
     rig = experiment.rig.with_each(lambda sensor: {"enabled": False} if sensor.needs_wheels else {})
@@ -88,12 +78,16 @@ class Given(NamedTuple):
 def with_given_track(experiment: Experiment) -> Given:
     """Read the track file of an experiment that has one; what follows poses or stands has no wheel odometry.
 
+    Beside the bag, track.csv holds the poses of the track file.
+
     Raises:
         TrackError, BagError: a track file that cannot be read.
     """
-    track = None if experiment.drive is None else read_track_file(experiment.drive)
-    if track is not None:
-        experiment = with_stored_track(experiment, track)
+    track = None
+    if (drive := experiment.drive) is not None:
+        track = read_track_file(drive)
+        drive = drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": track.frame})
+        experiment = without_wheels(experiment).model_copy(update={"drive": drive})
     return Given(without_wheels(experiment) if experiment.frames is not None else experiment, track)
 
 

@@ -18,7 +18,7 @@ from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment, validated
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
@@ -83,7 +83,7 @@ def experiment_for(
 
 def _in_environment(environment: str | None, world: World | None) -> Experiment:
     name = environment or (world.name if world is not None else "")
-    built_in = (load_experiment(each) for each in experiment_names())
+    built_in = (load_experiment(each) for each in EXPERIMENTS)
     if world is None and (same := next((each for each in built_in if each.environment == name), None)) is not None:
         return same
     metres = [world.size[0] / 2 - _FREE if world is not None else 10.0, 0.0]

@@ -23,9 +23,8 @@ from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment
-from fieldtruth.experiment.names import experiment_names
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
 from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
@@ -75,7 +74,7 @@ def image_topics(rig: Rig) -> list[str]:
 
 def builtin_experiments(environment: str) -> tuple[Experiment, ...]:
     """Return the built-in experiments in an environment, in the order of their names."""
-    experiments = (load_experiment(name) for name in experiment_names())
+    experiments = (load_experiment(name) for name in EXPERIMENTS)
     return tuple(experiment for experiment in experiments if experiment.environment == environment)
 
 
@@ -151,6 +150,7 @@ def _check_steering(rig: Rig) -> None:
 
 def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the templates of a package ask for; ``configs`` are those of its experiments by name."""
+    wheels = [output for each in rig.in_order() for output in each.outputs() if output.reading is WheelSpeeds]
     return {
         "environment": world.name,
         "version": fieldtruth.__version__,
@@ -172,7 +172,7 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
         "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
-        "wheels": dict(zip(WHEELS, rig.wheel_speed_topics, strict=True)) if rig.reports_wheels else {},
+        "wheels": {name: topic.name for speeds in wheels for name, topic in speeds.fields.items()},
         "images": image_topics(rig),
     }
 

@@ -23,6 +23,7 @@ from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
 
@@ -190,7 +191,10 @@ def _views(
 
 def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
-    lidars = [(IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor) for config in rig.lidars]
+    lidars = [
+        (IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor)
+        for config in rig.enabled(LidarConfig)
+    ]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)

@@ -21,8 +21,10 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers
+from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
 from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.sense.robot import meet, part_table

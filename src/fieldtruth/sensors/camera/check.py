@@ -31,6 +31,7 @@ from fieldtruth.sensors.camera.check_geometry import (
     is_recorded,
     pixel_ray,
 )
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
@@ -174,7 +175,7 @@ class RetracedImages(CameraFrameChecker):
         self.tallies[0].note = "; ".join(filter(None, notes))
         if not full:
             self.tallies[1].skipped = "photographs are rendered again with --full"
-        elif noisy := [camera.name for camera in context.run.rig.cameras if camera.signal is not None]:
+        elif noisy := [camera.name for camera in context.run.rig.enabled(CameraConfig) if camera.signal is not None]:
             self.tallies[1].note = f"not those of {', '.join(noisy)}, which have the signal of a real camera"
             self.tallies[1].skipped = "every camera has the signal of a real one; their other images are compared"
         self._own, self._robot = threading.local(), robot_views(context.rig)

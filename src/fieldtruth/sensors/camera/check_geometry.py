@@ -36,6 +36,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.lenses import Lens
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.sensors.kind import SensorWorld
@@ -367,7 +368,7 @@ class Agreement(CameraFrameChecker):
         except FieldtruthError:
             return
         optical_from_points, k = transforms.inverse(base_from_optical) @ base_from_points, np.reshape(lens.K, (3, 3))
-        lowest = min(base_from_optical[2, 3], base_from_points[2, 3]) - self.context.rig.base_footprint.xyz[2]
+        lowest = min(base_from_optical[2, 3], base_from_points[2, 3]) - self.context.rig.robot.footprint.xyz[2]
         neighbours = bool(np.linalg.norm(optical_from_points[:3, 3]) < _APART and lowest > _ABOVE)
         if not neighbours and "depth" not in frame.parts:
             self._skip(f"{source.sensor} and {frame.imager.name} are no neighbours, and there are no depth images")
@@ -483,7 +484,7 @@ class CameraInfos(Checker):
 
     def finish(self) -> None:
         """Finish the checks after the last message."""
-        for camera in self._context.rig.cameras:
+        for camera in self._context.rig.enabled(CameraConfig):
             imagers = camera.imagers()
             if len(imagers) == 2 and all(imager.name in self._first for imager in imagers):
                 self._check_baseline(*imagers)

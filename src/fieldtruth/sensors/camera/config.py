@@ -169,7 +169,6 @@ class CameraConfig(ImagingConfig):
     """A camera, which looks along the x axis of its frame: x forward, y left, z up (REP-103)."""
 
     noun: ClassVar[str] = "camera"
-    models_of: ClassVar[str] = "camera"
     bag_order: ClassVar[float] = 5
     frame_order: ClassVar[float] = 3
     needs_mount: ClassVar[bool] = True
@@ -234,6 +233,7 @@ class StereoConfig(CameraConfig):
     """
 
     also: ClassVar = ("left", "right")
+    family: ClassVar[str] = "camera"
     noun: ClassVar[str] = "stereo camera"
     needs_mount: ClassVar[bool] = False
     sections: ClassVar[Mapping[str, Section]] = {"cameras": Section()}

@@ -28,6 +28,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
+from fieldtruth.drive.track import PoseAt
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.kernels.camera import add_dust, draw_drops, draw_streaks, tonemap
@@ -345,8 +346,6 @@ def add_drops(light: Float32Array, drops: Array) -> None:
         draw_drops(light, soft, drops)
 
 
-PoseAt = Callable[[int | NDArray[np.int64]], Array]
-"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
 METERING: Final = (32, 16)
 """Columns and rows of rays of a metering image, and of the points whose motion is examined."""
 _SWIFT: Final = 0.95  # quantile of the motion of points

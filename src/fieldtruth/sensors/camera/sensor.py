@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.readings import Image
+from fieldtruth.drive.track import PoseAt
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import RobotView, part_table, robot_view
 from fieldtruth.sensors.camera import message
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages, Light, standing_at
-from fieldtruth.sensors.kind import At, PoseAt, Sensor, SensorWorld
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld
 
 
 class CameraSensor(Sensor):

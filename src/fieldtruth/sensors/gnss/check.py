@@ -13,6 +13,7 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.kind_checks import KindChecks
@@ -36,7 +37,7 @@ class Gnss(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(GNSS)
         self.tallies = [self._tally]
-        antennas = context.rig.antennas
+        antennas = context.rig.enabled(GnssConfig)
         self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
         self.topics = tuple(self._antennas)
 
@@ -62,7 +63,7 @@ class Fixes(Checker):
         self._motion, self._tally = context.motion, context.tally(FIXES)
         self.tallies = [self._tally]
         self._exact, self._antennas, self._squares = dict[str, bool](), dict[str, Array](), dict[str, list[float]]()
-        for config in context.rig.antennas:
+        for config in context.rig.enabled(GnssConfig):
             if config.signal is not None:
                 self._exact[config.topic] = config.signal.is_exact
                 self._antennas[config.topic] = np.array([config.mount.xyz])

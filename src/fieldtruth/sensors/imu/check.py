@@ -51,7 +51,7 @@ class ImuNoise(Checker):
     def __init__(self, context: Context) -> None:
         self._tally = context.tally(IMU_NOISE)
         self.tallies = [self._tally]
-        configs = [each for each in context.rig.imus if each.signal is not None]
+        configs = [each for each in context.rig.enabled(ImuConfig) if each.signal is not None]
         self._configs = {each.topic: each for each in configs if each.topic in context.run.counts}
         self.topics = tuple(name + end for name in self._configs for end in ("", TRUTH))
         self._rows: dict[str, dict[int, Array]] = {name: {} for name in self.topics}
@@ -137,7 +137,7 @@ class Imu(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
         self.tallies = [self._tally]
-        self._configs = {config.true_topic(config.topic): config for config in context.rig.imus}
+        self._configs = {config.true_topic(config.topic): config for config in context.rig.enabled(ImuConfig)}
         self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:

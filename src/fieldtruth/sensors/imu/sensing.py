@@ -79,7 +79,7 @@ class ImuTruth:
             stamps_ns=motion.stamps_ns[rows],
             quaternion_wxyz=quaternion_wxyz_from_rotation(world_from_imu).reshape(-1, 4),
             angular_velocity=turn_rate[: len(rows)],
-            linear_acceleration=_into_frame(world_from_imu, specific_force),
+            linear_acceleration=np.einsum("nji,nj->ni", world_from_imu, specific_force),
         )
 
 
@@ -112,11 +112,6 @@ def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ lever_base
     velocity: Array = motion.linear_velocity[rows] + np.cross(motion.angular_velocity[rows], lever)
     return velocity
-
-
-def _into_frame(world_from_frame: Array, vectors_world: Array) -> Array:
-    vectors: Array = np.einsum("nji,nj->ni", world_from_frame, vectors_world)
-    return vectors
 
 
 FLICKER_TIMES_S: Final = tuple(4.0**n for n in range(7))

@@ -206,7 +206,7 @@ class Clouds(Checker):
 
     def __init__(self, context: Context, objects: ObjectClasses) -> None:
         self._context, self._objects = context, objects
-        self._configs = {config.topic: config for config in context.rig.lidars}
+        self._configs = {config.topic: config for config in context.rig.enabled(LidarConfig)}
         self.topics = tuple(self._configs)
         self._labels, self._rays = context.tally(LABELS), context.tally(RAYS)
         self.tallies = [self._labels, self._rays]
@@ -352,7 +352,7 @@ class RetracedClouds(Checker):
         self._tally.note = context.made_elsewhere
         self.tallies = [self._tally, self.noise]
         self._own = threading.local()
-        self._configs = {config.topic: config for config in context.rig.lidars}
+        self._configs = {config.topic: config for config in context.rig.enabled(LidarConfig)}
         self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -439,7 +439,7 @@ def _labelled(rig: Rig) -> list[LabelledPoints]:
         spins = "the LiDAR spins while the robot moves; its points are checked by retracing"
         return LabelledPoints(config.name, config.topic, decode, spins if config.spinning else "")
 
-    return [points_of(config) for config in rig.lidars]
+    return [points_of(config) for config in rig.enabled(LidarConfig)]
 
 
 def _checkers(shared: Pass) -> list[Checker]:
@@ -455,6 +455,6 @@ CHECKS: Final = KindChecks(
     form=(LABELS, RAYS),
     retraced=(RETRACED_CLOUDS,),
     extras=(NOISE,),
-    extras_of=lambda context: (NOISE,) * any(config.signal is not None for config in context.rig.lidars),
+    extras_of=lambda context: (NOISE,) * any(config.signal is not None for config in context.rig.enabled(LidarConfig)),
     points=_labelled,
 )

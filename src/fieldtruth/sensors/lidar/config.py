@@ -170,12 +170,12 @@ class LidarConfig(ScanningConfig):
 
     @model_validator(mode="after")
     def _valid_beams(self) -> Self:
-        angles = self.elevations_deg
+        angles, of = self.elevations_deg, f" of the model {self.model}" * (self.model is not None)
         for name in ("elevations_deg", "azimuth_offsets_deg", "firing_offsets_ns"):
             if self.pattern is not None and getattr(self, name) is not None:
                 raise ValueError(f"{name} must be null with the pattern {self.pattern}")
         if angles is not None and len(angles) != self.rings:
-            raise ValueError(f"rings must be {len(angles)}, the number of elevations_deg, got {self.rings}")
+            raise ValueError(f"rings must be {len(angles)}, the number of elevations_deg{of}, got {self.rings}")
         span = round(max(angles) - min(angles), 9) if angles else 0.0
         if angles is not None and len(angles) > 1 and span == 0:
             raise ValueError(f"elevations_deg must differ, got {len(angles)} times {angles[0]!r}")
@@ -184,7 +184,7 @@ class LidarConfig(ScanningConfig):
         for name in ("azimuth_offsets_deg", "firing_offsets_ns"):
             values = getattr(self, name)
             if values is not None and len(values) != self.rings:
-                raise ValueError(f"{name} must have a value for each of {self.rings} rings, got {len(values)}")
+                raise ValueError(f"{name} must have a value for each of {self.rings} rings{of}, got {len(values)}")
         column_ns = 1e9 / self.rate_hz / self.columns
         if self.firing_offsets_ns is not None and max(self.firing_offsets_ns) >= column_ns:
             raise ValueError(

@@ -3,7 +3,7 @@
 """The message of a LiDAR: PointCloud2."""
 
 from collections.abc import Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as P
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Cloud
+from fieldtruth.kernels.lidar import Scan
+from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -33,23 +35,6 @@ _DATATYPES: Final = {
 }
 
 
-class Scan(Protocol):
-    """Result of a LiDAR, a row per return (n): ``xyz`` (n, 3) [m] in os1_lidar, ``t_ns`` after the stamp."""
-
-    @property
-    def xyz(self) -> NDArray[np.float32]: ...  # noqa: D102
-    @property
-    def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
-    @property
-    def instance(self) -> NDArray[np.uint32]: ...  # noqa: D102
-    @property
-    def ring(self) -> NDArray[np.uint16]: ...  # noqa: D102
-    @property
-    def column(self) -> NDArray[np.uint16]: ...  # noqa: D102
-    @property
-    def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
-
-
 def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
     """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
 
@@ -67,7 +52,9 @@ def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
     return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
 
 
-def point_cloud(seq: int, stamp_ns: int, scan: Scan | Cloud, config: LidarConfig, *, wide_ids: bool = False) -> bytes:
+def point_cloud(
+    seq: int, stamp_ns: int, scan: Scan | Reading | Cloud, config: LidarConfig, *, wide_ids: bool = False
+) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
 
     The scan of a LiDAR with a signal has ``true_range``, ``signal``, ``reflectivity``, ``echo`` and ``mixed``, which

@@ -7,9 +7,11 @@ from collections.abc import Iterable
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.sensor_config import Output
+from fieldtruth.kernels.lidar import Scan
+from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import MEASURED, Scan, point_cloud
+from fieldtruth.sensors.lidar.message import MEASURED, point_cloud
 from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
 
 
@@ -43,7 +45,7 @@ class LidarSensor(Sensor):
         stamps = at.stamp_ns + self._sweep_ns if self.config.spinning else at.stamp_ns
         return at.movement.pose(stamps) @ self.config.mount.base_from_sensor
 
-    def _cloud(self, scan: Scan, at: At) -> Cloud:
+    def _cloud(self, scan: Scan | Reading, at: At) -> Cloud:
         return Cloud(
             **at.stamps,
             frame=self.config.frame,

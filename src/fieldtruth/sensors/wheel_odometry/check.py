@@ -21,7 +21,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.sensor_config import TRUTH
-from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.sensing import advance
 from fieldtruth.validation.check import SIGMAS, Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
@@ -41,7 +41,7 @@ class WheelNoise(Checker):
     def __init__(self, context: Context) -> None:
         self._tally = context.tally(WHEEL_NOISE)
         self.tallies = [self._tally]
-        config = context.rig.wheel_odometry
+        config = next(iter(context.rig.enabled(WheelOdometryConfig)), None)
         self._signal = None if config is None else config.signal
         self.topics = () if self._signal is None else (JOINT_STATES, JOINT_STATES + TRUTH)
         self._angles: dict[str, dict[int, Array]] = {name: {} for name in self.topics}
@@ -93,10 +93,10 @@ class WheelOdometry(Checker):
 
     def __init__(self, context: Context) -> None:
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
-        config = context.rig.wheel_odometry
+        config = next(iter(context.rig.enabled(WheelOdometryConfig)), None)
         end = "" if config is None else config.true_topic("")
         self._topic, self._joint_states = "" if config is None else config.topic + end, JOINT_STATES + end
-        self._speed_topics = tuple(name + end for name in self._rig.wheel_speed_topics)
+        self._speed_topics = tuple(name + end for name in WHEEL_SPEEDS[: len(self._rig.wheels.names)])
         self.topics = () if config is None else (table.TF, *self._speed_topics, self._joint_states, self._topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
@@ -151,7 +151,7 @@ class Wheels(Checker):
     """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
-        config = context.rig.wheel_odometry
+        config = next(iter(context.rig.enabled(WheelOdometryConfig)), None)
         names = WHEEL_SPEEDS if config is None else map(config.true_topic, WHEEL_SPEEDS)
         self.topics = [name for name in names if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
