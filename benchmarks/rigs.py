@@ -18,9 +18,11 @@ from math import ceil
 from pathlib import Path
 from typing import Final
 
+from views import Recorded, record
+
 import fieldtruth as ft
 from fieldtruth.bench import settings_of
-from fieldtruth.bench.sensors import Recorded, Stretches, record, sensors_of
+from fieldtruth.bench.sensors import Stretches, sensors_of
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.light_config import LightConfig

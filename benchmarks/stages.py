@@ -15,9 +15,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
+from views import record
+
 import fieldtruth as ft
 from fieldtruth.bench import peak_memory, settings_of, table
-from fieldtruth.bench.sensors import record, stretches_of
+from fieldtruth.bench.sensors import stretches_of
 from fieldtruth.drive.plan import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides

@@ -244,7 +244,7 @@ def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
     )
 
 
-CAMERAS_ONLY: Final = Rig().switched(lidar=False)
+CAMERAS_ONLY: Final = Rig().with_each(lambda each: {"enabled": False} if each.switch == "lidar" else {})
 """The paper's stereo camera."""
 
 

@@ -130,7 +130,7 @@ def test_model_states_encode_names_as_utf8() -> None:
     assert xyz(message.twist[0].angular) == TRACK.motion.angular_velocity[0].tolist()
 
 
-def fake_scan(n: int) -> FakeScan:
+def fake_scan(n: int) -> Any:
     k = np.arange(n)
     return FakeScan(
         xyz=np.random.default_rng(1).normal(size=(n, 3)).astype(np.float32),
@@ -195,7 +195,7 @@ def test_the_time_of_a_point_as_its_makers_driver_has_it(clock: TimeField, datat
 
 def test_empty_cloud() -> None:
     none = np.zeros(0)
-    scan = FakeScan(np.zeros((0, 3), np.float32), *(none.astype(t) for t in ("u1", "u2", "u2", "u2", "u4")))
+    scan: Any = FakeScan(np.zeros((0, 3), np.float32), *(none.astype(t) for t in ("u1", "u2", "u2", "u2", "u4")))
     message = back(point_cloud(0, STAMP, scan, LidarConfig()), "sensor_msgs/msg/PointCloud2")
     assert (message.width, len(read.points(message))) == (0, 0)
 

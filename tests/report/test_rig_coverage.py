@@ -22,7 +22,6 @@ from fieldtruth.report.rig.picture import (
     nearest_ground,
     sensor_views,
 )
-from fieldtruth.report.rig.picture import draw_rig, ground_classes
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 

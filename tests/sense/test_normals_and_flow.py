@@ -290,7 +290,7 @@ def test_the_robot_moves_with_its_camera_and_hides_the_world() -> None:
     rig = Rig.model_validate({"visible": True, "sensors": [values | {"height": HEIGHT, "normals": True, "flow": True}]})
     imager, (view,) = rig.imagers[0], robot_views(rig).values()
     camera = LabelCamera(imager.config, Scene(make_world()))
-    foot = -rig.base_footprint.xyz[2]
+    foot = -rig.robot.footprint.xyz[2]
     bases = [transforms.pose((x, 0.0, foot)) for x in (0.0, 0.2)]
     now, later = (base @ imager.base_from_optical for base in bases)
     images = camera.label(now, view)

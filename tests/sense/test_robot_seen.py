@@ -35,7 +35,7 @@ from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, ray_directions
 F8 = NDArray[np.float64]
 HUSKY = Rig()
 DECK = HUSKY.robot.chassis_top  # [m] above base_link
-FOOT = -HUSKY.base_footprint.xyz[2]  # [m] of base_link above flat ground
+FOOT = -HUSKY.robot.footprint.xyz[2]  # [m] of base_link above flat ground
 WORLD_FROM_BASE = transforms.pose((3.0, -2.0, FOOT), (0.0, 0.0, 30.0))
 ROBOT = int(Label.ROBOT)
 

@@ -21,10 +21,8 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers
-from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
-from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
 from fieldtruth.report.preview.sheet import Paper
 from fieldtruth.sense.robot import meet, part_table
@@ -40,7 +38,7 @@ _PIXELS: Final = 97  # rays along the longer side of an image, borders included
 
 def ground_height(rig: Rig) -> float:
     """Height [m] of flat ground on which the robot stands."""
-    return rig.base_footprint.xyz[2]
+    return rig.robot.footprint.xyz[2]
 
 
 @dataclass(frozen=True)
