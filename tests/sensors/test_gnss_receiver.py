@@ -173,7 +173,7 @@ def _checked(fixes: Any, true: GnssReadings, config: GnssConfig) -> Any:
     motion = SimpleNamespace(
         when_known=lambda _, action: action(), state=lambda stamp: SimpleNamespace(world_from_base=poses[stamp])
     )
-    context: Any = SimpleNamespace(motion=motion, tally=Tally, rig=SimpleNamespace(antennas=(config,)))
+    context: Any = SimpleNamespace(motion=motion, tally=Tally, rig=SimpleNamespace(enabled=lambda _: (config,)))
     checker = Fixes(context)
     for k, stamp in enumerate(true.stamps_ns):
         has = fixes.covariance[k].any()

@@ -108,8 +108,8 @@ class Registry(MutableMapping[str, T], Generic[T]):
         return found
 
     def _make(self, name: str, source: Source) -> T:
-        try:
-            return self._read(name, source.load() if isinstance(source, EntryPoint) else source)
+        try:  # not by EntryPoint: the backport importlib_metadata, which Dask imports, returns a class of its own
+            return self._read(name, source if isinstance(source, Path) else source.load())
         except FieldtruthError:
             raise
         except Exception as error:  # of a module of another package, or a mistake in its data
