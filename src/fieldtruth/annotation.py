@@ -54,7 +54,7 @@ from fieldtruth.experiment.sensor_config import BASE, KINDS, Output, SensorConfi
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.streams import Stream, sensor_factory, series_of, stream_of
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import Movement, SensorWorld
 from fieldtruth.world.build import check_layout, load_world
 from fieldtruth.world.model import World
@@ -297,6 +297,7 @@ def annotate(
             another world.
         OutputError: the output already exists, is in use, or cannot be written.
     """
+    given = given_world(None, scene)
     target = None if out is None else output_path(out, single=True)
     config = WorldConfig(world) if isinstance(world, str) else world
     check_layout(config.environment, config.layout)
@@ -310,7 +311,7 @@ def annotate(
         with progress.stage("read the poses", run.duration_s) as advance:
             poses = read_poses(run, rig, robot, advance)
         with progress.stage("build the world"):
-            built = load_world(config.environment, config.seed, config.layout) if scene is None else scene.world
+            built = given or load_world(config.environment, config.seed, config.layout)
         check_objects(run, built, robot)
         sensor_world = SensorWorld(built, rig, config.light, config.weather, scene=scene, reuse=True)
         slices = _slices(sensor_world, poses, added, folder, progress)

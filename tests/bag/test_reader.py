@@ -181,7 +181,7 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
     ("content", "line"),
     [
         (b"", "it is empty"),
-        (b"name,x,y\n", "it is neither an MCAP file nor a ROS 1 bag, which begins with #ROSBAG V2.0"),
+        (b"name,x,y\n", "it is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins with #ROSBAG V2.0"),
         (b"#ROSBAG V1.2\n" + bytes(99), "its bag version is not 2.0"),
         (b"\x89MCAP9\r\n" + bytes(99), "it is an MCAP file of another version"),
     ],

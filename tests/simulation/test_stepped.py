@@ -175,6 +175,8 @@ def test_a_drive_that_fails_ends_the_simulation_with_the_reason() -> None:
         ({"experiment": "park_1", "robot": "jackal", "rig": ft.Rig()}, "robot must be None where a rig is given"),
         ({"experiment": "park_1", "sensors": ["os2"]}, "unknown sensor 'os2'; "),
         ({"environment": "moor"}, "unknown environment 'moor'; "),
+        ({"world": "park"}, "world must be a World, got 'park'; see load_world"),
+        ({"scene": SCENE, "world": make_world()}, "scene must be of the given world "),
     ],
 )
 def test_what_is_simulated_must_be_clear(given: dict[str, Any], message: str) -> None:

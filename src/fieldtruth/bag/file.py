@@ -94,7 +94,8 @@ def _other_kind(path: Path) -> str:
     if start.startswith((_BAG, MCAP)):
         return ""
     kinds = [words for magic, words in _KINDS.items() if start.startswith(magic)] if start else ["it is empty"]
-    return kinds[0] if kinds else f"it is neither an MCAP file nor a ROS 1 bag, which begins with {_BAG.decode()}"
+    other = f"it is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins with {_BAG.decode()}"
+    return kinds[0] if kinds else other
 
 
 def _in_words(error: BaseException) -> str:

@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.readings import Reading
-from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
+from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, check_model, part, sensor_of
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
@@ -319,11 +319,20 @@ def paper_rig(
     cameras: StereoConfig | None = None,
     stereo: StereoConfig | None = None,
 ) -> Rig:
-    """Return the paper's rig, with other settings of the sensors that are given; ``cameras`` was called ``stereo``."""
+    """Return the paper's rig, with other settings of the sensors that are given; ``cameras`` was called ``stereo``.
+
+    Raises:
+        ConfigurationError: a setting of another type, or both names.
+    """
     if stereo is not None:
+        if cameras is not None:
+            raise ConfigurationError("stereo must be None where cameras is given: it is the old name of cameras")
         warnings.warn("stereo is now called cameras", FieldtruthWarning, stacklevel=2)
-    given = (imu, gnss, wheel_odometry, lidar, cameras or stereo)
-    return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))
+    given = {"imu": imu, "gnss": gnss, "wheel_odometry": wheel_odometry, "lidar": lidar, "cameras": cameras or stereo}
+    for (name, own), paper in zip(given.items(), PAPER_SENSORS, strict=True):
+        if own is not None and not isinstance(own, type(paper)):
+            raise ConfigurationError(f"{name} must be of type {type(paper).__name__}, got {shortened(own)}")
+    return Rig(sensors=tuple(own or paper for own, paper in zip(given.values(), PAPER_SENSORS, strict=True)))
 
 
 class Box(NamedTuple):

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
@@ -159,6 +160,20 @@ class Scene:
             faces[~part] = MISS
         scene.add_mesh(mesh.vertices, faces)
         return scene.commit()
+
+
+def given_world(world: World | None, scene: Scene | None) -> World | None:
+    """Return the world that a caller gives, also as a scene of it; None if neither is given.
+
+    Raises:
+        ConfigurationError: of another type, or the scene is of another world.
+    """
+    for name, given, kind in (("world", world, World), ("scene", scene, Scene)):
+        if given is not None and not isinstance(given, kind):
+            raise ConfigurationError(f"{name} must be a {kind.__name__}, got {given!r}; see load_world")
+    if world is not None and scene is not None and scene.world is not world:
+        raise ConfigurationError(f"scene must be of the given world {world.name}, got one of {scene.world.name}")
+    return world if scene is None else scene.world
 
 
 def _top_levels(world: World) -> Iterator[TopLevel]:

@@ -20,7 +20,7 @@ from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.due import Due, DueReadings, Frame, frame_of, wanted_outputs
@@ -162,10 +162,7 @@ class Simulation:
         scene: Scene | None = None,
         sensors: Iterable[str] | None = None,
     ) -> None:
-        for name, given, kind in (("world", world, World), ("scene", scene, Scene)):
-            if given is not None and not isinstance(given, kind):
-                raise ConfigurationError(f"{name} must be a {kind.__name__}, got {given!r}; see load_world")
-        world = scene.world if scene is not None and world is None else world
+        world = given_world(world, scene)
         chosen = experiment_for(experiment, environment=environment, robot=robot, rig=rig, world=world)
         self._given = with_given_track(chosen)
         self._experiment = self._given.experiment
