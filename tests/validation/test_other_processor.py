@@ -160,10 +160,11 @@ def test_wrong_readings_of_another_processor_fail(
 
 
 def short(name: str) -> Experiment:
-    """Some clouds of an experiment and two images of each camera, in the park a second with five large ones."""
-    values = load_experiment(name).model_dump() | {"seconds": 1.0 if name == "park_1" else 0.4}
+    """Some clouds of an experiment and two images of each camera; of park and lake a second with five large ones."""
+    large = name in ("park_1", "lake_1")  # whose images differ between processors
+    values = load_experiment(name).model_dump() | {"seconds": 1.0 if large else 0.4}
     values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
-    if name != "park_1":
+    if not large:
         values["rig"]["cameras"] |= {"width": SMALL[1], "height": SMALL[0]}
     return Experiment.model_validate(values)
 
