@@ -9,7 +9,7 @@ from mesh_checks import assert_valid, face_normals
 from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.furniture import make_furniture
+from fieldtruth.world.furniture import FURNITURE, make_furniture
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider
 
@@ -29,6 +29,11 @@ SIZES = {
 
 
 PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name in SIZES}
+
+
+def test_every_piece_is_measured() -> None:
+    """Here, or in ``test_power_line``."""
+    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1"}
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:
