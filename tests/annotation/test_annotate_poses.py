@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which poses annotation uses, and the one-line error for each kind of bag that cannot be annotated."""
+"""Poses that annotation uses, and the one-line error for each kind of bag that cannot be annotated."""
 
 from collections.abc import Callable
 from pathlib import Path

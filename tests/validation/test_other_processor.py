@@ -61,7 +61,7 @@ def test_a_process_with_other_settings_knows_it() -> None:
 
 
 def test_all_makers_of_slices_are_named_once(tmp_path: Path) -> None:
-    """Those of a run that two processors, or workers, made together; an unknown one counts as another."""
+    """Two processors, or workers, may make a run together; an unknown one counts as another."""
     for makers in ([this_process()], [ELSEWHERE], [this_process()]):
         note(tmp_path, makers)
     (tmp_path / "made_by.json").write_text(noted(tmp_path))

@@ -37,7 +37,7 @@ def test_every_piece_is_measured() -> None:
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:
-    """Which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
+    """Return which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
     assert collider.yaw_deg == 0.0
     x, y, z = (points - np.array(collider.position)).T
     tall = (z > -margin) & (z < collider.size[-1] + margin)
