@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What each effect of a camera's signal costs, and what the photographs of real and ideal cameras look like in figures.
+"""Cost of each effect of a camera's signal, and figures of the photographs of real and ideal cameras.
 
 Run: python benchmarks/camera_signal.py [--save FOLDER] [park_1 ...]. Times are of one thread, beside the ideal
 photograph of the same pose; the least of a few. Docs: docs/camera_signal.md.

@@ -71,10 +71,8 @@ def main() -> None:
     print(json.dumps(found, indent=1))
     if arguments.against:
         old = json.loads(against)
-        changed = [name for name, digest in found.items() if old.get(name, digest) != digest]
-        equal, new = sum(old.get(name) == digest for name, digest in found.items()), found.keys() - old.keys()
-        lists = (", ".join(sorted(names)) or "none" for names in (changed, new))
-        print(f"{equal} equal, changed: {next(lists)}; not known: {next(lists)}", file=sys.stderr)
+        changed = [name for name, digest in found.items() if old.get(name) != digest]
+        print(f"{len(found) - len(changed)} equal, changed: {', '.join(changed) or 'none'}", file=sys.stderr)
         sys.exit(bool(changed))
 
 

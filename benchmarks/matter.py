@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ground and plants of a world are made of, as LiDAR and inventory measure it: rows of the table of motion.py."""
+"""Ground and plants of a world as LiDAR and inventory measure them: rows of the table of motion.py."""
 
 import sys
 from collections.abc import Iterator
@@ -169,7 +169,7 @@ def leaves(world: World) -> Iterator[Row]:
 
 
 def crowns() -> Iterator[Row]:
-    """What a LiDAR measures of an old tree of the forest from 12 m, compared with the same tree with all its leaves."""
+    """Readings of a LiDAR of an old tree of the forest from 12 m, compared with the same tree with all its leaves."""
     sys.path.append(str(Path(__file__).resolve().parents[1] / "tests/world"))
     from crown_statistics import crown_statistics
 

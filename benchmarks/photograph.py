@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What each step of a photograph costs, in milliseconds and beside the tracing of the rays through its pixels.
+"""Cost of each step of a photograph, in milliseconds and beside the tracing of the rays through its pixels.
 
 Run: python benchmarks/photograph.py [--views N] [park ...]. One thread; steps are added one after another, and each
 figure is the difference to the image before, of the least of three tries. Docs: docs/benchmarks.md.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What rigs cost, and what one more sensor costs, in one world whose scene all sensors share.
+"""Cost of rigs, and of one more sensor, in one world whose scene all sensors share.
 
 Run: python benchmarks/rigs.py [--environment NAME] [--seconds S] [--tries N] [--workers N]
 
@@ -91,7 +91,7 @@ def added(tries: int, work: Work) -> Iterator[Row]:
 
 
 def memory(world: World, light: LightConfig) -> Iterator[Row]:
-    """What the process holds more after the scene, and the arrays of the sensors of each rig in it, one worker's."""
+    """Memory of scene and light, and of the arrays of the sensors of each rig in it, of one worker."""
     before = held_mb()
     baked = ft.bake(ft.Scene(world), light)
     yield {"part": "scene and light", "MB": held_mb() - before}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a million labelled stereo pairs cost on 2, 64 and 1,000 cores, from figures that are measured here.
+"""Cost of a million labelled stereo pairs on 2, 64 and 1,000 cores, from figures that are measured here.
 
 Run: python benchmarks/scale.py [--figures FILE]. It measures for about ten minutes, writes the figures to FILE as JSON,
 or reads them from there if it exists, and prints the arithmetic of docs/scale.md. Worlds and kernels must be cached.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What dense vegetation and many trees cost: photographs in two worlds in turns, so that other load slows both equally.
+"""Cost of dense vegetation and many trees: photographs in two worlds in turns, so that other load slows both equally.
 
 Run: python benchmarks/scaling.py
 
@@ -42,7 +42,7 @@ def with_trees_around(world: World, times: int = 10) -> World:
 
 
 def is_tree(world: World, instance: Instance) -> bool:
-    """Whether an object has a crown, unlike fallen and dead trees."""
+    """Return whether an object has a crown, unlike fallen and dead trees."""
     names = world.meshes[instance.mesh].materials
     return any(world.materials[name].label == Label.TREETOP for name in names)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the signal of a LiDAR costs: scans with it beside ideal scans, in turns, in one process.
+"""Cost of the signal of a LiDAR: scans with it beside ideal scans, in turns, in one process.
 
 Processor time of one thread, the least of several repetitions of each pose: ``python benchmarks/signals.py park``.
 """

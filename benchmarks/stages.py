@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run costs besides its sensors: world, light, drive, start-up and threads.
+"""Cost of a run besides its sensors: world, light, drive, start-up and threads.
 
 Run: python benchmarks/stages.py [ENVIRONMENT ...], by default in the park. Worlds and light are cached in a temporary
 folder, so that nothing of an earlier run is used but compiled kernels. Docs: docs/benchmarks.md.

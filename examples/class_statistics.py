@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which classes a LiDAR sees at which range, as a plot: python class_statistics.py RUN IMAGE."""
+"""Classes that a LiDAR sees, by range, as a plot: python class_statistics.py RUN IMAGE."""
 
 import sys
 from itertools import pairwise

@@ -194,6 +194,7 @@ def test_the_readmes_script_runs(park: SensorWorld, capsys: pytest.CaptureFixtur
     """With a short drive in the park's world for each of its two."""
     [snippet] = re.findall(r"```python\n(.*?)```", README, flags=re.S)
     assert snippet in (ROOT / "docs/simulation.md").read_text(encoding="utf-8")
+    assert len([line for line in snippet.splitlines() if line]) <= 10
     values = load_experiment("park_1").model_dump() | {"seconds": 0.2}
     values["rig"]["cameras"] = {"width": 32, "height": 24}
     short = f"Experiment.model_validate({values!r}), world=park.world, scene=park.scene"

@@ -48,8 +48,8 @@ def test_kinds_of_sensors_are_recognised_in_code() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["cluster", "core", "degradation.py", "interchange", "ontology", "pipeline.py", "record", "render", "simulation",
-     "validation", "world"],
+    ["bag", "cluster", "core", "degradation.py", "interchange", "ontology", "pipeline.py", "record", "render",
+     "simulation", "validation", "world"],
 )  # fmt: skip
 def test_only_its_own_folder_names_a_kind_of_sensor(name: str) -> None:
     """Packages that serve kinds of other packages as they serve our own; those that name one are not listed yet."""

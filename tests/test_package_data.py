@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a plain installation has: every data file and every module that the core imports.
+"""Contents of a plain installation: every data file and every module that the core imports.
 
 An editable installation finds data files that a wheel leaves out, and an environment for tests has more packages.
 """

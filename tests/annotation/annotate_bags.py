@@ -93,7 +93,7 @@ def ties_reversed(messages: Sequence[Message]) -> Iterator[Message]:
 
 
 def sensed(topic: str) -> bool:
-    """Whether a topic is of a camera or the LiDAR."""
+    """Return whether a topic is of a camera or the LiDAR."""
     return topic.startswith(("/stereo/", "/os1_cloud_node/"))
 
 

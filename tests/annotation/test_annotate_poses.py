@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which poses annotation uses, and the one-line error for each kind of bag that cannot be annotated."""
+"""Poses that annotation uses, and the one-line error for each kind of bag that cannot be annotated."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -180,8 +180,8 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
         "has no /ground_truth/odom, nor /gazebo/model_states in its place; available: ",
     ),
     ("no message", lambda _: [], "x.bag has no messages"),
-    ("one pose", lambda _: drive(last=1), "x.bag has only one pose"),
-    ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "x.bag has only one pose"),
+    ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has only one pose"),
+    ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "/gazebo/model_states of x.bag has only one pose"),
     (
         "short",
         lambda _: [odometry(k, true_pose(0)) for k in (1, 2)],
@@ -192,7 +192,7 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
     (
         "not finite",
         lambda _: [odometry(1, true_pose(0), length=2.0)],
-        "a pose must be finite, with a quaternion of length 1",
+        "/ground_truth/odom of x.bag at 1 ns: a pose must be finite, with a quaternion of length 1, got x, y, z, qx, ",
     ),
     (
         "frame",
@@ -241,9 +241,10 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
 
 @pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
 def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
-    make: Callable[[World], list[Message]], line: str, scene: Scene, tmp_path: Path
+    make: Callable[[World], list[Message]], line: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bag = write(tmp_path / "x.bag", make(scene.world))
+    monkeypatch.chdir(tmp_path)
+    bag = write(Path("x.bag"), make(scene.world))
     with pytest.raises(FieldtruthError) as error:
         annotate(bag, "park", scene=scene)
     assert line in str(error.value)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a package (entry points) or a user's folder (FIELDTRUTH_PATH) adds is found by new processes."""
+"""Additions of a package (entry points) and of a user's folder (FIELDTRUTH_PATH) are found by new processes."""
 
 import os
 import re

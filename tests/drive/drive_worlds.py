@@ -21,8 +21,6 @@ from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Me
 
 F8 = NDArray[np.float64]
 HeightFunction = Callable[[F8, F8], F8]
-WorldMaker = Callable[..., World]
-ExperimentMaker = Callable[..., Experiment]
 
 
 def flat(x: F8, y: F8) -> F8:

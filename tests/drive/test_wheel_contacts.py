@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a soil sees of the wheels, and what its friction, drag, torque and sinkage do to the robot."""
+"""Contacts of wheels with soils, and effects of friction, drag, torque and sinkage on the robot."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag holds, read by rosbags and looked up colour by colour: the reference for data sets of many runs."""
+"""Contents of a bag, read by rosbags and looked up colour by colour: the reference for data sets of many runs."""
 
 import shutil
 from collections import defaultdict

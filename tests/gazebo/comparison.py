@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where Gazebo's scans and images differ from ours, and which of these beams and pixels lie on an edge of our world.
+"""Differences of Gazebo's scans and images from ours, and which of these beams and pixels are on an edge of our world.
 
 Both ask our own scene alone: a dense bundle of rays around the beam or the pixel meets another class or range, or not.
 """
@@ -118,7 +118,7 @@ def _behind_seam(tracers: Iterable[ReferenceTracer], origin: Array, direction: A
 
 
 def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:
-    """Whether rays within ``NEARBY`` of a direction (3,) meet two classes, or ranges with a step between neighbours."""
+    """Return whether rays within ``NEARBY`` of a direction (3,) meet two classes, or a step between their ranges."""
     x, y, z = direction
     world_from_body = transforms.pose(origin.tolist(), (0.0, -np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x))))
     focal, centre = BUNDLE / 2 / NEARBY, BUNDLE / 2 - 0.5

@@ -103,7 +103,7 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class GazeboRun:
-    """What a run has left in its results folder.
+    """Results of a run of Gazebo, in its folder.
 
     ``load_s``: wall seconds from the start to the first step; ``simulated_s`` and ``wall_s`` count from then on;
     ``memory_mb``: largest resident memory of gzserver; ``complaints``: Gazebo's error and warning lines that are not
@@ -237,7 +237,7 @@ def wait(process: subprocess.Popen[bytes], folder: Path, limit_s: float) -> None
 
 
 def results(folder: Path) -> GazeboRun:
-    """What a run has left in its results folder."""
+    """Read the results of a run from its folder."""
     load_s = (folder / "started").stat().st_mtime - (folder / "master_uri").stat().st_mtime
     simulated, wall, memory = (float(word) for word in (folder / "summary.txt").read_text().split())
     return GazeboRun(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the other tests of this folder stand on: sensors in a world of two walls read what closed formulas say."""
+"""Sensors in a world of two walls read what closed formulas say: the other tests of this folder depend on it."""
 
 import math
 from pathlib import Path

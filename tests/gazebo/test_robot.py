@@ -119,7 +119,7 @@ def test_rays_are_ours(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
 
 
 def test_even_beams_of_a_table_are_ours(tmp_path: Path) -> None:
-    """Whether ring 0 is the highest or the lowest."""
+    """Ring 0 may be the highest or the lowest."""
     for angles in ((15.0, 4.0, -7.0), (-7.0, 4.0, 15.0)):
         scan = next(sdf(paper_rig(lidar=LidarConfig(elevations_deg=angles)), "gz", tmp_path).iter("scan"))
         low, high = (values(scan, f"vertical/{end}_angle")[0] for end in ("min", "max"))

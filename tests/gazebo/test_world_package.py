@@ -243,7 +243,7 @@ def test_x_is_north_and_y_west_in_spherical_coordinates(packages: dict[str, Path
 
 
 def complaints(file: Path) -> str:
-    """What libsdformat says of a file, without a line about a missing library of its own."""
+    """Complaints of libsdformat about a file, without a line about a missing library of its own."""
     tool = shutil.which("ign") or shutil.which("gz")
     if tool is None:
         pytest.skip("needs libsdformat's command (Debian: ignition-tools, libsdformat-dev)")

@@ -65,7 +65,7 @@ def hexadecimal(text: str) -> tuple[int, ...]:
 
 
 def test_names_are_those_of_the_command_line() -> None:
-    assert sorted(LABEL_MAPS) == sorted(NAMES)
+    assert list(LABEL_MAPS) == sorted(NAMES)
     with pytest.raises(
         UnknownNameError, match=r"unknown label map 'rellis3d'; did you mean 'rellis'\? Available: ganav6, "
     ):

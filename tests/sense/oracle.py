@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What rays hit in a world, by the second tracer of ``fieldtruth validate``: double precision, NumPy, no Embree.
+"""Hits of rays in a world, by the second tracer of ``fieldtruth validate``: double precision, NumPy, no Embree.
 
 It shares neither the triangulation of the terrain nor the tables of classes and objects with the sensors' scene.
 """
@@ -22,7 +22,7 @@ HORIZON: Final = 10_000.0  # [m]
 
 
 class Expected(NamedTuple):
-    """What each ray must hit; ``doubtful`` rays graze an edge, so that either side may be right."""
+    """Hits that rays must have; ``doubtful`` rays graze an edge, so that either side may be right."""
 
     range_m: Array
     label: NDArray[np.uint8]

@@ -60,7 +60,7 @@ def locked(tmp_path: Path) -> list[Path]:
     return [path for path in files(tmp_path) if path.suffix == ".lock"]
 
 
-def test_who_needs_what_another_process_compiles_waits_for_its_file(source: Any, tmp_path: Path) -> None:
+def test_a_kernel_that_another_process_compiles_is_waited_for(source: Any, tmp_path: Path) -> None:
     assert call(source, 21) == (42, 0)
     (whole,) = files(tmp_path)
     data, found = whole.read_bytes(), list[tuple[object, int]]()
@@ -76,7 +76,7 @@ def test_who_needs_what_another_process_compiles_waits_for_its_file(source: Any,
     assert found == [(42, 1)]
 
 
-def test_what_cannot_be_compiled_is_not_waited_for(source: Any, tmp_path: Path) -> None:
+def test_a_kernel_that_cannot_be_compiled_is_not_waited_for(source: Any, tmp_path: Path) -> None:
     for _ in range(2):
         with pytest.raises(TypingError):
             kernels.kernel(source.twice)(None)

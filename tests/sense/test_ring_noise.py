@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a perfect LiDAR sees of the ground: ring noise of short grass, litter, bare earth and gravel."""
+"""Ground in the clouds of an ideal LiDAR: ring noise of short grass, litter, bare earth and gravel."""
 
 from dataclasses import replace
 

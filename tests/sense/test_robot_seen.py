@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What LiDARs and cameras see of their own robot, against closed forms on the box and the wheels of a Husky."""
+"""The robot in the clouds and images of its own sensors, against closed forms on the box and the wheels of a Husky."""
 
 from typing import Any
 

@@ -90,7 +90,7 @@ def project(view: View, side: str) -> Projected:
 
 
 class Smooth(NamedTuple):
-    """Where a 5 x 5 neighbourhood is one class, one object and one plane; inverse depth and its slopes."""
+    """Pixels whose 5 x 5 neighbourhood is one class, one object and one plane; inverse depth and its slopes."""
 
     here: NDArray[np.bool_]
     inverse: F8

@@ -40,7 +40,7 @@ def _config(**signal: Any) -> GnssConfig:
 
 
 def measure(scene: Scene | None, true: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
-    """What a receiver measures along a whole drive."""
+    """Readings of a receiver along a whole drive."""
     assert config.signal is not None
     return GnssErrors(config, config.signal, seed).extend(true, scene)
 

@@ -40,7 +40,7 @@ def begin(cache: Path, wait_s: float) -> "subprocess.Popen[str]":
 
 
 def lives(pid: int) -> bool:
-    """Whether a process runs; one that has ended without being waited for does not."""
+    """Return whether a process runs; one that has ended without being waited for does not."""
     status = Path(f"/proc/{pid}/stat")
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
 

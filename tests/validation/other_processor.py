@@ -13,7 +13,7 @@ import sys
 from typing import Any, Final
 
 INTEL: Final = platform.machine().lower() in ("x86_64", "amd64")
-"""Whether Embree has several instruction sets here."""
+"""True where Embree has several instruction sets."""
 AVX512: Final = ("avx2", "haswell")
 """The other processor, as instruction set and target, where this one has AVX-512: most laptops."""
 OTHERS: Final = ("sse4.2", "nehalem")

@@ -61,7 +61,7 @@ def test_a_process_with_other_settings_knows_it() -> None:
 
 
 def test_all_makers_of_slices_are_named_once(tmp_path: Path) -> None:
-    """Those of a run that two processors, or workers, made together; an unknown one counts as another."""
+    """Two processors, or workers, may make a run together; an unknown one counts as another."""
     for makers in ([this_process()], [ELSEWHERE], [this_process()]):
         note(tmp_path, makers)
     (tmp_path / "made_by.json").write_text(noted(tmp_path))
@@ -160,10 +160,11 @@ def test_wrong_readings_of_another_processor_fail(
 
 
 def short(name: str) -> Experiment:
-    """Some clouds of an experiment and two images of each camera, in the park a second with five large ones."""
-    values = load_experiment(name).model_dump() | {"seconds": 1.0 if name == "park_1" else 0.4}
+    """Some clouds of an experiment and two images of each camera; of park and lake a second with five large ones."""
+    large = name in ("park_1", "lake_1")  # whose images differ between processors
+    values = load_experiment(name).model_dump() | {"seconds": 1.0 if large else 0.4}
     values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
-    if name != "park_1":
+    if not large:
         values["rig"]["cameras"] |= {"width": SMALL[1], "height": SMALL[0]}
     return Experiment.model_validate(values)
 

@@ -51,7 +51,7 @@ def both(*edits: Edit) -> Edit:
 
 @pytest.fixture(scope="module")
 def offsets(lean_run: Path) -> tuple[int, int]:
-    """Where poses and twists begin in a message of /gazebo/model_states, from its end."""
+    """Bytes from the begin of poses and of twists to the end of a message of /gazebo/model_states."""
     data, reader = first_message(lean_run, table.MODEL_STATES).data, ModelStatesReader()
     count = len(reader.poses(data))
     return -(104 * count + 4), -48 * count

@@ -173,7 +173,6 @@ def test_a_robot_that_all_sensors_see_elsewhere_is_found(
         return meet(table, np.asarray(origin) - (0.0, 0.0, 0.05), directions)
 
     monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
-    monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
     run = generate(experiment(), tmp_path).parent
     texts = failures(validate_in_park(run, samples=10))
     assert set(texts) == {"independent rays"}

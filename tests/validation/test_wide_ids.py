@@ -51,7 +51,7 @@ def runs(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path
 
 
 def both(runs: tuple[Path, Path], find: Callable[[Path], NDArray[Any]]) -> tuple[Numbers, Numbers]:
-    """What is found in the wide run, and what must be."""
+    """Ids that are found in the wide run, and those that must be there."""
     usual, found = (find(run) for run in runs)
     assert usual.max() > 2
     return found.astype(np.uint32), wide(usual)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a LiDAR measures in a single crown: pulses that pass, range jumps between neighbours, leaf area by height."""
+"""Readings of a LiDAR in a single crown: pulses that pass, range jumps between neighbours, leaf area by height."""
 
 from dataclasses import dataclass, replace
 

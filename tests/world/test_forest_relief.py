@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What trees leave in the ground: roots about trunks, pits and mounds."""
+"""Relief of the ground about trees: roots about trunks, pits and mounds."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ from mesh_checks import assert_valid, face_normals
 from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.furniture import make_furniture
+from fieldtruth.world.furniture import FURNITURE, make_furniture
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider
 
@@ -31,8 +31,13 @@ SIZES = {
 PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name in SIZES}
 
 
+def test_every_piece_is_measured() -> None:
+    """Here, or in ``test_power_line``."""
+    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1"}
+
+
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:
-    """Which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
+    """Return which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
     assert collider.yaw_deg == 0.0
     x, y, z = (points - np.array(collider.position)).T
     tall = (z > -margin) & (z < collider.size[-1] + margin)

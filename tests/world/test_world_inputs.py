@@ -56,8 +56,12 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     [
         "world/environments/park/build.py",
         "world/environments/park/config.py",
+        "world/environments/park/beyond.py",
+        "world/environments/layout.py",
+        "world/data/environments/park.yaml",
         "world/plants/growth.py",
         "world/data/trees/birch.yaml",
+        "world/data/materials/furniture.yaml",
         "world/build.py",
         "core/transforms.py",
         "core/classes.py",
