@@ -158,7 +158,7 @@ def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
 
 
 def _is_near(found: Array, expected: Array) -> bool:
-    """Whether two poses (7,) are those of one object; heights differ a little between grids of the ground."""
+    """Return True if two poses (7,) are those of one object; heights differ a little between grids of the ground."""
     turned = 1.0 - abs(float(found[3:] @ expected[3:]))
     return bool(np.linalg.norm(found[:3] - expected[:3]) <= _MOVED) and abs(turned) <= _TURNED
 

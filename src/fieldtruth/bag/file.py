@@ -124,7 +124,7 @@ Row = tuple[int, int, int, int]
 
 
 class Layout(Protocol):
-    """How chunks are stored; it holds no open file and can be pickled."""
+    """Format of stored chunks; it holds no open file and can be pickled."""
 
     def unpack(self, path: Path, position: int) -> bytes:
         """Read and decompress the chunk at a position in a file."""

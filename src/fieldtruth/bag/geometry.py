@@ -301,7 +301,7 @@ class Poses:
         self._stream = stream
 
     def cover(self, stamps_ns: Counts) -> Mask:
-        """Return which stamps lie between the first and the last pose."""
+        """Return True (n,) for stamps [ns] between the first and the last pose."""
         known = self._stream.stamps_ns
         inside: Mask = (stamps_ns >= known[0]) & (stamps_ns <= known[-1])
         return inside
@@ -367,7 +367,7 @@ class StaticFrames:
 
 
 class Lens(NamedTuple):
-    """What a camera publishes of its images: CameraInfo."""
+    """Size and projection of a camera's images, as CameraInfo has them."""
 
     frame: str
     width: int

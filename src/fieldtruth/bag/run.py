@@ -82,7 +82,7 @@ def _stated(sensor: SensorConfig, message: Any) -> dict[str, Any]:
 
 
 def unlike(source: Source, message: Any) -> str:
-    """Say in what a message of a sensor differs from its configuration: frame, size of images, rays of clouds."""
+    """Describe differences of a message from its sensor's configuration: frame, size of images, rays of clouds."""
     frame = str(message.header.frame_id).strip("/") if hasattr(message, "header") else ""
     found = [f"the frame {frame!r}, not {source.frame!r}"] if source.frame and frame not in ("", source.frame) else []
     for key, value in _stated(source.config, message).items():
@@ -134,7 +134,7 @@ class Run(BagFile):
 
     @property
     def assumed(self) -> str:
-        """What is assumed of a bag that has no experiment.yaml beside it; else empty."""
+        """Assumptions about a bag that has no experiment.yaml beside it; else empty."""
         if self.experiment is not None:
             return ""
         return (
