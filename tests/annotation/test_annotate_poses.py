@@ -180,8 +180,8 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
         "has no /ground_truth/odom, nor /gazebo/model_states in its place; available: ",
     ),
     ("no message", lambda _: [], "x.bag has no messages"),
-    ("one pose", lambda _: drive(last=1), "x.bag has only one pose"),
-    ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "x.bag has only one pose"),
+    ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has only one pose"),
+    ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "/gazebo/model_states of x.bag has only one pose"),
     (
         "short",
         lambda _: [odometry(k, true_pose(0)) for k in (1, 2)],
@@ -246,8 +246,9 @@ def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
     bag = write(tmp_path / "x.bag", make(scene.world))
     with pytest.raises(FieldtruthError) as error:
         annotate(bag, "park", scene=scene)
-    assert line in str(error.value)
-    assert "\n" not in str(error.value)
+    text = str(error.value).replace(f"{tmp_path}/", "")
+    assert line in text
+    assert "\n" not in text
     assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
 
 
