@@ -35,7 +35,7 @@ from fieldtruth.bag.geometry import (
     read_objects,
     read_static_frames,
 )
-from fieldtruth.bag.messages import ModelStatesWriter, rig_transforms, tf_static
+from fieldtruth.bag.messages import ModelStatesWriter, tf_static
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import ROBOT
@@ -104,9 +104,7 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
     """
     seeing = [sensor for sensor in rig.in_order() if sensor.sees]
     needed = [frame for sensor in seeing for frame in (*sensor.frames(), *sensor.optical_frames())]
-    own = {(parent, child): matrix for (parent, child), matrix in rig_transforms(rig).items() if child in needed}
-    ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
-    theirs = static_frames(run)
+    ours, theirs = StaticFrames.of_rig(rig), static_frames(run)
     for frame in needed:
         if frame not in theirs.parents:
             continue
@@ -116,7 +114,8 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
                 f"/tf_static of {run.bag} has {frame!r} at {_xyz(there[:3, 3])} in base_link, the rig at "
                 f"{_xyz(here[:3, 3])}, or rotated; set its mount in an experiment file (--experiment)"
             )
-    return {key: matrix for key, matrix in own.items() if key[1] not in theirs.parents}
+    missing = {*needed} - theirs.parents.keys()
+    return {(parent, child): pose for child, (parent, pose) in ours.parents.items() if child in missing}
 
 
 def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
@@ -158,7 +157,7 @@ def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
 
 
 def _is_near(found: Array, expected: Array) -> bool:
-    """Whether two poses (7,) are those of one object; heights differ a little between grids of the ground."""
+    """Return True if two poses (7,) are those of one object; heights differ a little between grids of the ground."""
     turned = 1.0 - abs(float(found[3:] @ expected[3:]))
     return bool(np.linalg.norm(found[:3] - expected[:3]) <= _MOVED) and abs(turned) <= _TURNED
 
@@ -237,8 +236,8 @@ def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
     static = static_frames(run)
     if frame in static.parents or frame in {parent for parent, _ in static.parents.values()}:
         return static.base_from(frame)
-    if frame in rig.mounts():
-        return rig.mounts()[frame].base_from_sensor
+    if frame in (ours := StaticFrames.of_rig(rig)).parents:
+        return ours.base_from(frame)
     raise BagError(
         f"{table.ODOMETRY} of {run.bag} has poses of {frame!r}, which /tf_static does not connect to {BASE!r}"
     )

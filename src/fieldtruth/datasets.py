@@ -152,8 +152,8 @@ class RunDataset:
 
     Args:
         path: folder of a run, or a bag.
-        items: contents of a sample: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
-            rays), and "pose" and "calibration" of the sensors of the other items.
+        items: contents of a sample: names from ``ITEMS`` (image, mask, depth, cloud, ...), and "pose" and "calibration"
+            of the sensors of the other items.
         camera: name of a camera of the rig, such as "left" or "right" of the paper's pair; None: the first.
         lidar: name of a LiDAR of the rig; None: the first.
         anchor: sensor whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
@@ -563,8 +563,8 @@ def collate(samples: Sequence[Sample]) -> dict[str, Any]:
     """Make a batch, for ``DataLoader(ds, collate_fn=collate)``.
 
     Arrays with the same shape in all frames are stacked to a tensor, (batch, 3, h, w) for ``image``; stamps become a
-    tensor, names a list. Cloud, labels, instances and rays differ in length and become a list of tensors, one per
-    frame, without padding. ``torch.cat(batch["cloud"])`` or
+    tensor, names a list. Items of clouds (``RAGGED``) differ in length and become a list of tensors, one per frame,
+    without padding. ``torch.cat(batch["cloud"])`` or
     ``torch.nn.utils.rnn.pad_sequence(batch["cloud"], batch_first=True)`` make one tensor of them.
 
     Raises:

@@ -247,8 +247,9 @@ def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
     bag = write(Path("x.bag"), make(scene.world))
     with pytest.raises(FieldtruthError) as error:
         annotate(bag, "park", scene=scene)
-    assert line in str(error.value)
-    assert "\n" not in str(error.value)
+    text = str(error.value).replace(f"{tmp_path}/", "")
+    assert line in text
+    assert "\n" not in text
     assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
 
 

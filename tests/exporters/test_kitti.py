@@ -247,7 +247,7 @@ def test_clouds_without_labels_are_exported(bag: Path, tmp_path: Path) -> None:
         ([PHOTOS["right"]], f"has no {PHOTOS['right']}; available: "),
         (["/tf_static"], "has no /tf_static; available: "),
         ([INFOS[0]], f"has no {INFOS[0]}; available: "),
-        ([ODOMETRY, "/gazebo/model_states"], f"has no {ODOMETRY}, nor .* in its place; available: "),
+        ([ODOMETRY, "/gazebo/model_states"], f"has no {ODOMETRY}, nor /gazebo/model_states in its place; available: "),
     ],
 )
 def test_missing_topics_are_reported_in_one_line(bag: Path, tmp_path: Path, topics: list[str], words: str) -> None:

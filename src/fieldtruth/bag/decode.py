@@ -265,7 +265,7 @@ def stamp_ns(header: Any) -> int:
 
 
 def _where(message: Any, what: str) -> str:
-    """Return which message it is: that of a topic at a stamp as far as it is known from a bag, else by its header."""
+    """Name a message in an error: by topic and stamp if it was read from a bag, else by the stamp in its header."""
     if (origin := getattr(message, ORIGIN, "")) or not hasattr(message, "header"):
         return f"the {what} {origin}".strip()
     return f"the {what} with the stamp {stamp_ns(message.header)} ns"

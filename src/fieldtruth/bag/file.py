@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bag files as they are stored: chunks of messages and their connections in any format, that of ROS 1, and errors;
-and a bag with its description, that of the folder that ``generate`` made, or any bag with the same topics.
+"""Bag files: how they are stored (in any format, and in that of ROS 1), errors of reading, and the files beside a bag.
 
 Errors of the libraries below become one clear line. Of a bag of ROS 1 (version 2.0), only the list of chunks is read:
 ROS's readers, and that of rosbags, first read the index of all messages, which at 1000 Hz is larger than all images in
@@ -126,7 +125,7 @@ Row = tuple[int, int, int, int]
 
 
 class Layout(Protocol):
-    """How chunks are stored; it holds no open file and can be pickled."""
+    """Format of stored chunks; it holds no open file and can be pickled."""
 
     def unpack(self, path: Path, position: int) -> bytes:
         """Read and decompress the chunk at a position in a file."""
@@ -274,7 +273,7 @@ EXPERIMENT: str = "experiment.yaml"
 CARD: str = "DATASET.md"
 """The data card beside a bag."""
 MADE_BY: str = "made_by.json"
-"""What made the readings beside a bag; see ``made_by``."""
+"""Processors and libraries that made the readings, beside a bag; see ``bag.provenance``."""
 TRACK: str = "track.csv"
 """The poses of the track file beside a bag, if its experiment has one."""
 BAG_ENDINGS: Final = (".bag", ".mcap")

@@ -20,6 +20,7 @@ import numpy as np
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
 from fieldtruth.bag.file import BagError, BagFile
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.reader import Decoder, RawMessage, Storage, decoder, open_bag
 from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
@@ -28,6 +29,7 @@ from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.errors import UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance, timed
 from fieldtruth.core.transforms import wxyz_from_xyzw
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import BASE
 
 _MODEL_STATES: Final = "gazebo_msgs/msg/ModelStates"
@@ -301,7 +303,7 @@ class Poses:
         self._stream = stream
 
     def cover(self, stamps_ns: Counts) -> Mask:
-        """Return which stamps lie between the first and the last pose."""
+        """Return True (n,) for stamps [ns] between the first and the last pose."""
         known = self._stream.stamps_ns
         inside: Mask = (stamps_ns >= known[0]) & (stamps_ns <= known[-1])
         return inside
@@ -338,6 +340,11 @@ class StaticFrames:
     source: str
     """The bag, or other source, for error messages."""
 
+    @classmethod
+    def of_rig(cls, rig: Rig) -> "StaticFrames":
+        """Return the frames of a rig, optical ones included."""
+        return cls({child: (parent, pose) for (parent, child), pose in rig_transforms(rig).items()}, "the rig")
+
     def base_from(self, frame: str) -> Array:
         """Return base_link from ``frame``, (4, 4), composed along their chains of parents.
 
@@ -367,7 +374,7 @@ class StaticFrames:
 
 
 class Lens(NamedTuple):
-    """What a camera publishes of its images: CameraInfo."""
+    """Size and projection of a camera's images, as CameraInfo has them."""
 
     frame: str
     width: int

@@ -21,8 +21,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Commands, Motion, State
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import WHEELS
-from fieldtruth.experiment.sensor_config import BASE as BASE
-from fieldtruth.experiment.sensor_config import ODOM as ODOM
+from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.world.model import World
 
 Time = noetic.builtin_interfaces__msg__Time

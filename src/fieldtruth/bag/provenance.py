@@ -64,18 +64,18 @@ def read_checksums(folder: Path) -> dict[str, str]:
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a bag."""
 Maker = dict[str, str]
-"""What makes readings, by name; empty if it is unknown."""
+"""Processor, and versions of Python and libraries, by name; empty if they are unknown."""
 
 
 @cache
 def this_process() -> Maker:
-    """Return what makes readings in this process."""
+    """Return processor and versions of this process."""
     python = ".".join(map(str, sys.version_info[:2]))
     return processor() | {"Python": python} | {name: version(name) for name in LIBRARIES}
 
 
 def note(folder: Path, makers: Iterable[Maker]) -> None:
-    """Keep in a folder of slices what makes some of them."""
+    """Add makers of slices to the folder of these slices."""
     for maker in makers:
         text = json.dumps(maker, indent=1)
         write_atomically(folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.maker", text)
@@ -87,7 +87,7 @@ def noted(folder: Path) -> str:
 
 
 def makers_of(folder: Path) -> list[Maker]:
-    """Read what made the run in a folder; one unknown maker if made_by.json is missing or cannot be read."""
+    """Read the makers of the run in a folder; one unknown maker if made_by.json is missing or cannot be read."""
     try:
         found: Any = json.loads((folder / MADE_BY).read_bytes())
         return [{str(name): str(value) for name, value in maker.items()} for maker in found] or [{}]
@@ -96,7 +96,7 @@ def makers_of(folder: Path) -> list[Maker]:
 
 
 def difference(makers: Iterable[Maker]) -> str:
-    """Say in what makers differ from this process; empty if this process makes the same bytes."""
+    """Name the differences of makers from this process; empty if this process makes the same bytes."""
     here, names = this_process(), dict[str, None]()
     for maker in makers:
         if not maker:

@@ -163,7 +163,7 @@ def nearest(stamps_ns: Counts, others_ns: Counts) -> Counts:
 
 
 def _trusted(bag: BagReader, storage: Storage, topic: str, index: MessageIndex) -> bool:
-    """Whether the stamps in the bag are those of the readings."""
+    """Return True if the stamps in the bag are those of the readings."""
     count = len(index.stamps_ns)
     if not count:
         raise BagError(f"cannot read {bag.path}: its index has no entry for {topic}")
@@ -382,7 +382,7 @@ def labels_of(rows: NDArray[np.void]) -> NDArray[np.uint8]:
 
 
 def warn_of_intensity(message: Any, topic: str, path: Any) -> None:
-    """Say that the classes of a cloud without a field for them are read from its intensity."""
+    """Warn that the classes of a cloud without a field for them are read from its intensity."""
     names = [field.name for field in message.fields]
     if "label" not in names and "intensity" in names:
         text = f"{path}: clouds of {topic} have no field label; their intensity is read as the class"

@@ -128,7 +128,7 @@ class ModelStatesConverter:
 
 
 class Encoding(NamedTuple):
-    """How the messages of a channel are stored: the type of ROS 2, or None for ROS 1, whose bytes are as they are."""
+    """Stored messages of a channel: their type of ROS 2, or None for those of ROS 1, whose bytes are as they are."""
 
     topic: str
     ros2: Ros2Type | None

@@ -82,7 +82,7 @@ def _stated(sensor: SensorConfig, message: Any) -> dict[str, Any]:
 
 
 def unlike(source: Source, message: Any) -> str:
-    """Say in what a message of a sensor differs from its configuration: frame, size of images, rays of clouds."""
+    """Describe differences of a message from its sensor's configuration: frame, size of images, rays of clouds."""
     frame = str(message.header.frame_id).strip("/") if hasattr(message, "header") else ""
     found = [f"the frame {frame!r}, not {source.frame!r}"] if source.frame and frame not in ("", source.frame) else []
     for key, value in _stated(source.config, message).items():
@@ -93,10 +93,10 @@ def unlike(source: Source, message: Any) -> str:
     return " and ".join(found)
 
 
-def misfits(run: BagFile) -> list[str]:
-    """What of the experiment beside a bag does not fit it, as one line; nothing for a bag that it fits."""
+def misfits(run: BagFile) -> str:
+    """Describe how the experiment beside a bag does not fit it, in one line; empty for a bag that it fits."""
     if run.experiment is None:
-        return []
+        return ""
     topics = table.topics_of_run(run.experiment, latched=table.STATIC_MODEL_STATES in run.counts)
     found = []
     for topic in topics:
@@ -106,10 +106,8 @@ def misfits(run: BagFile) -> list[str]:
         rate = _rate(run, topic.name)
         if rate and topic.rate_hz and abs(rate - topic.rate_hz) > _TOLERANCE * topic.rate_hz + 1.0 / run.duration_s:
             found.append(f"{topic.name} has {rate:.3g} Hz, not {topic.rate_hz:g} Hz")
-    if not found:
-        return []
     more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-    return [f"experiment.yaml beside {run.bag} does not fit the bag: {'; '.join(found[:_SHOWN])}{more}"]
+    return f"experiment.yaml beside {run.bag} does not fit the bag: {'; '.join(found[:_SHOWN])}{more}" if found else ""
 
 
 def _rate(run: BagFile, topic: str) -> float | None:
@@ -134,7 +132,7 @@ class Run(BagFile):
 
     @property
     def assumed(self) -> str:
-        """What is assumed of a bag that has no experiment.yaml beside it; else empty."""
+        """Assumptions about a bag that has no experiment.yaml beside it; else empty."""
         if self.experiment is not None:
             return ""
         return (
@@ -296,6 +294,6 @@ def open_run(path: Path | str) -> Run:
         if not counts:
             raise BagError(f"{bag} has no messages")
         run = Run(bag, experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
-    for text in misfits(run):
+    if text := misfits(run):
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return run

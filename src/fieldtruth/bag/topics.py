@@ -88,7 +88,7 @@ def objects_topic(present: Container[str]) -> str:
 
 
 def latches_objects(experiment: Experiment, objects: int) -> bool:
-    """Whether a run publishes its static objects once, by its option and the number of named objects in its world."""
+    """Return True if a run publishes its static objects once: by its option and the number of objects in its world."""
     option = experiment.static_objects
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
 
@@ -119,7 +119,7 @@ class Source:
     """A sensor that gives readings: a LiDAR, one view of a camera, the wheels' speeds, their odometry, ..."""
 
     name: str
-    """That of the output: of the sensor, with a part behind a slash where it has several, as ``NAME/left``."""
+    """Of the sensor, with a part behind a slash where it has several, as ``NAME/left``."""
     label: str
     """In files: the name, or that of a view: left and right of the paper's pair, ``NAME_left`` of others."""
     type: type[readings.Reading]

@@ -19,7 +19,6 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import UNIT
 from fieldtruth.bag.file import MCAP, BagError, first_bytes, is_database
 from fieldtruth.bag.geometry import StaticFrames, Trajectory, read_poses, seconds
-from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
@@ -75,10 +74,8 @@ class TrackFile(NamedTuple):
         wxyz = np.where(np.abs(lengths - 1.0) > 1e-12, wxyz / lengths, wxyz)
         if self.frame != BASE or config.world_from_track is not None:
             reference = np.eye(4) if config.world_from_track is None else config.world_from_track.base_from_sensor
-            base_from_frame = _base_from(self.frame, rig)
-            pose = (
-                reference @ transforms.pose_from_quaternion_wxyz(position, wxyz) @ transforms.inverse(base_from_frame)
-            )
+            frame_from_base = transforms.inverse(_base_from(self.frame, rig))
+            pose = reference @ transforms.pose_from_quaternion_wxyz(position, wxyz) @ frame_from_base
             position, wxyz = pose[:, :3, 3], transforms.quaternion_wxyz_from_rotation(pose[:, :3, :3])
         return Trajectory(self.poses.stamps_ns, position, wxyz)
 
@@ -249,7 +246,7 @@ def _base_from(frame: str, rig: Rig) -> Array:
     Raises:
         UnknownNameError: the rig has no such frame.
     """
-    parents = {child: (parent, matrix) for (parent, child), matrix in rig_transforms(rig).items()}
-    if frame not in {BASE, *parents}:
-        raise UnknownNameError("frame", frame, [BASE, *parents])
-    return StaticFrames(parents, "the rig").base_from(frame)
+    frames = StaticFrames.of_rig(rig)
+    if frame not in {BASE, *frames.parents}:
+        raise UnknownNameError("frame", frame, [BASE, *frames.parents])
+    return frames.base_from(frame)

@@ -198,7 +198,7 @@ def _copy(source: BinaryIO, target: BinaryIO, start: int, end: int) -> None:
 
 
 JOURNAL: Final = ".journal"
-"""What follows the file's name in that of the journal."""
+"""Ending of the journal's name, behind the name of the bag."""
 
 
 class _Copy(NamedTuple):

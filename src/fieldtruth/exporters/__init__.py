@@ -52,6 +52,12 @@ class Format(NamedTuple):
     """True: the output is a data set of any number of runs, in splits."""
     library: str = ""
     """The library that the extra of the format's name installs, if it needs one."""
+    boxes: bool = False
+    """True: it takes ``boxes``."""
+    voxel_m: bool = False
+    """True: it takes ``voxel_m``."""
+    copies: bool = False
+    """True: it has every message of the bag, whatever its type."""
 
 
 def _read(name: str, given: Any) -> Format:
@@ -119,8 +125,8 @@ def export(
         label_map: ontology of the labels; None keeps fieldtruth's classes.
         split: train, val or test, of a format that publishes: for runs that are not in a folder of such a name.
         shard_mb: largest size [MB] of a file that holds many frames, of a format that publishes.
-        boxes: add boxes of whole objects to the annotations of ``coco``.
-        voxel_m: edge length [m] of the voxels of ``occupancy``, by default 0.1.
+        boxes: add boxes of whole objects to annotations, of a format that takes them (``coco``).
+        voxel_m: edge length [m] of voxels, by default 0.1, of a format that has them (``occupancy``).
         workers: threads; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
 
@@ -134,9 +140,9 @@ def export(
     """
     if not FORMATS.find(to).publishes and (split is not None or shard_mb is not None):
         raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {_able('publishes')}")
-    for key, given, only in (("boxes", boxes, "coco"), ("voxel_m", voxel_m is not None, "occupancy")):
-        if given and to != only:
-            raise OutputError(f"format {to!r} has no {key}; the format that has: {only}")
+    for key, given in (("boxes", boxes), ("voxel_m", voxel_m is not None)):
+        if given and not getattr(FORMATS[to], key):
+            raise OutputError(f"format {to!r} has no {key}; formats that have: {_able(key)}")
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
     target = Path() if out is None else _checked_output(to, out)
@@ -155,7 +161,7 @@ def export(
         target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
-    if others and to not in ("zip", "mcap"):
+    if others and not FORMATS[to].copies:
         text = f"left out of {target.name}, as {to} cannot hold their readings: {', '.join(others)}"
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return target

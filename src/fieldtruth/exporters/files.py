@@ -302,7 +302,7 @@ def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
 def pose_lines(run: Run, topic: str) -> Iterator[str]:
     """Lines of the true poses of a topic."""
     poses = read_poses(run, topic).trajectory
-    rows = np.concatenate([poses.position, poses.quaternion_wxyz[:, [1, 2, 3, 0]]], axis=1).tolist()
+    rows = np.concatenate([poses.position, transforms.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1).tolist()
     return (line(stamp, tuple(row)) for stamp, row in zip(poses.stamps_ns.tolist(), rows, strict=True))
 
 

@@ -114,7 +114,7 @@ def is_own(members: Sequence[Member]) -> bool:
 
 
 def content_of(members: Sequence[Member]) -> tuple[str, list[str]]:
-    """Return what the data set has, for its description, and what is labelled: pixel, point."""
+    """Return the kinds of readings of a data set, for its description, and the units with labels: pixel, point."""
     views = [view for member in members for view in member.run.of(Image, "photo", "label")]
     kinds = {
         "pixel": "Stereo photographs" if any(view.side for view in views) else "Photographs" if views else "",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Depth images as files: PNG of 16 bits in millimetres, and NumPy's format in metres."""
+"""Depth, normals and optical flow as files that other tools read: PNG of 16 bits, .npy, .flo and TIFF."""
 
 import struct
 from io import BytesIO
@@ -70,7 +70,7 @@ _ENTRY: Final = struct.Struct("<HHLL")
 
 
 def encode_tiff(image: NDArray[np.float32]) -> bytes:
-    """Encode an image (h, w), uncompressed: header, one directory, one strip; little-endian."""
+    """Encode an image (h, w) as uncompressed TIFF: header, one directory, one strip; little-endian."""
     height, width = image.shape
     data = np.ascontiguousarray(image, "<f4").tobytes()
     entries = [

@@ -85,7 +85,7 @@ def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options
 
 def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], Counts]:
     """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
-    ids = (options.labels).ids
+    ids = options.labels.ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     clouds = run[first_lidar(run).name]

@@ -7,8 +7,8 @@ and the first stereo pair, without a pair the first camera. Mounts, lenses and f
 messages in the bag.
 
 ``slam/*.yaml`` are the files with ``$names`` in place of the values that depend on the rig. Keys and conventions are
-those of the sources named at each function, which returns the files by name, or in one line why the program cannot read
-these sensors.
+those of the sources named at each function. It returns the files by name, or why the program cannot read these sensors,
+in one line.
 """
 
 import re
@@ -487,7 +487,7 @@ def _readme(run: Run, facts: Facts, made: Mapping[str, Files | str], left_out: s
 
 
 def _images(facts: Facts) -> str:
-    """How to decompress the photographs, and to give ORB-SLAM3 its topics."""
+    """Commands that decompress the photographs, and that give ORB-SLAM3 its topics."""
     topics = [view.topic for view in facts.views]
     lines = "".join(f"  rosrun image_transport republish compressed in:={t} raw out:={t}\n" for t in topics)
     names = ("/camera/left/image_raw", "/camera/right/image_raw") if len(topics) == 2 else ("/camera/image_raw",)

@@ -31,7 +31,7 @@ from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 _TOLERANCE: Final = 0.002
 """A triangle is divided further where the middle of its cut is farther than this [m] from the contour."""
 _DEPTH: Final = 3
-"""How often it may be divided further."""
+"""Times that it may be divided further."""
 _SNAP: Final = 0.0005
 """A cut nearer to a vertex than this [m] passes through the vertex: no thin slivers."""
 _WELD: Final = 1e-5
@@ -109,9 +109,7 @@ def _surface(tile: GroundTile, label: Label, points: Array, field: Heightfield, 
 
 
 def _cut_block(terrain: Terrain, start: tuple[int, int], counts: tuple[int, int]) -> tuple[Array, Mask]:
-    """Triangles (n, 3, 2) [m] of a block of cells, whose edges match each other and those of the cells around it, and
-    whether each is trail.
-    """
+    """Triangles (n, 3, 2) [m] of a block of cells, whose edges match each other and those around it; True for trail."""
     field = terrain.surface
     first = [max(0, at - 1) for at in start]
     last = [min(n - 1, at + count + 1) for n, at, count in zip(field.heights.shape, start, counts, strict=True)]
@@ -123,7 +121,7 @@ def _cut_block(terrain: Terrain, start: tuple[int, int], counts: tuple[int, int]
 
 
 def _cut_cells(terrain: Terrain, start: tuple[int, int], counts: tuple[int, int]) -> tuple[Array, Mask]:
-    """Triangles (n, 3, 2) [m] of a block of cells and whether each is trail."""
+    """Triangles (n, 3, 2) [m] of a block of cells; True for trail."""
     field, distance = terrain.surface, terrain.trail_distance
     parts = max(1, ceil(field.spacing / distance.spacing - 1e-6))  # of a cell's side
     u = start[0] + np.arange(counts[0] * parts + 1) / parts
@@ -319,7 +317,7 @@ def _sampled(table: MaterialTable, texture: int, u: Array, v: Array, pixels_per_
     size, start = int(atlas.size[texture, level]), int(atlas.start[texture, level])
     packed = atlas.texels[start : start + size * size, None] >> np.array([0, 8, 16], np.uint32) & 255
     texels = atlas.linear[packed]
-    x, y = u * size - 0.5, -v * size - 0.5  # as ``render.atlas.sample``
+    x, y = u * size - 0.5, -v * size - 0.5  # as ``kernels.textures.sample``
     i, j = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     fx, fy = (x - i).astype(np.float32)[:, None], (y - j).astype(np.float32)[:, None]
     left, right, upper, lower = i % size, (i + 1) % size, j % size * size, (j + 1) % size * size

@@ -27,6 +27,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.interchange.surfaces import beyond_edge
 from fieldtruth.world.model import Material, Mesh, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
 
@@ -284,18 +285,16 @@ def inventory(world: World) -> list[tuple[Value, ...]]:
 def named_objects(world: World) -> Iterator[Item]:
     """Every named object, in the order of the instance ids."""
     for i in world.instances:
-        yield Item(i.object_id, i.name, i.kind, i.mesh, i.world_from_object, _is_beyond(world, i.world_from_object))
+        beyond = bool((np.abs(i.world_from_object[:2, 3]) > np.array(world.size) / 2).any())
+        yield Item(i.object_id, i.name, i.kind, i.mesh, i.world_from_object, beyond)
 
 
 def swarm_members(world: World) -> Iterator[Item]:
     """Every member of every swarm."""
     for swarm in world.swarms:
-        for row, pose in zip(swarm.mesh, swarm.world_from_object, strict=True):
-            yield Item(swarm.object_id, swarm.name, swarm.kind, swarm.meshes[row], pose, _is_beyond(world, pose))
-
-
-def _is_beyond(world: World, pose: Array) -> bool:
-    return bool((np.abs(pose[:2, 3]) > np.array(world.size) / 2).any())
+        rows = zip(swarm.mesh.tolist(), swarm.world_from_object, beyond_edge(world, swarm).tolist(), strict=True)
+        for mesh, pose, beyond in rows:
+            yield Item(swarm.object_id, swarm.name, swarm.kind, swarm.meshes[mesh], pose, beyond)
 
 
 def inventory_rows(world: World, items: Sequence[Item]) -> list[tuple[Value, ...]]:

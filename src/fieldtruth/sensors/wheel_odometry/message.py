@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
-from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
-from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as OdometryMessage
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__JointState as JointState
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
@@ -52,5 +49,5 @@ def wheel_odometry(k: int, reading: WheelReading) -> bytes:
     added = reading.covariances
     of_pose, of_twist = (driver, driver) if added is None else (driver + each for each in added)
     head = ros.header(k, int(reading.header_ns), reading.frame)
-    parts = PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist)
-    return ros.serialize(OdometryMessage(head, reading.child, *parts), "nav_msgs/msg/Odometry")
+    parts = ros.PoseWithCovariance(pose, of_pose), ros.TwistWithCovariance(twist, of_twist)
+    return ros.serialize(ros.Odometry(head, reading.child, *parts), "nav_msgs/msg/Odometry")
