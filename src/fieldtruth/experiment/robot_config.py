@@ -125,7 +125,7 @@ class RobotConfig(Frozen):
         for other in ROBOTS if len(clear) >= CLEARLY else ():
             if other != self.model and not self._unlike(other):
                 what = f"is that of the model {other}, not of {self.model}: {shortened(getattr(self, clear[0]))}"
-                raise LocatedError(f"{what}; leave out what {self.model} shall give", clear[:1])
+                raise LocatedError(f"{what}; leave out what {self.model} shall give, or name {other}", clear[:1])
 
     def _unlike(self, model: str) -> list[str]:
         other = RobotConfig.model_validate({"model": model})
