@@ -31,7 +31,7 @@ class WheelConfig(Frozen):
     width: Length = 2 * (0.67 / 2 - 0.2854)  # [m]; a Husky's outline ends at the wheels' outer faces
     mass: Positive = 2.637  # [kg]
     inertia: Inertia = (0.02467, 0.04411, 0.02467)  # [kg m^2], principal moments; y is the axle
-    tyre_stiffness: Positive = 70_000.0  # [N/m]; see drive.tyre
+    tyre_stiffness: Positive = 70_000.0  # [N/m]; see drive.surroundings
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -165,7 +165,7 @@ class IdealLidar:
     The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
     nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
     the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
-    ``robot`` is what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+    ``robot`` is what it sees of the robot that carries it (``experiment.rig.visible_parts``).
     """
 
     def __init__(self, config: LidarConfig, scene: Scene, robot: Sequence[Box | Cylinder] = ()) -> None:
@@ -186,8 +186,8 @@ class IdealLidar:
 
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
-        begins have a pose between its pose and the next one, interpolated linearly. The stamp
-        matters to a LiDAR with a ``pattern`` only, and the number of the scan to one with a signal.
+        begins have a pose between its pose and the next one, interpolated linearly. The stamp matters to a LiDAR with
+        a ``pattern`` only, and the number of the scan to one with a signal.
 
         Raises:
             ValueError: another number of poses.
@@ -403,7 +403,7 @@ def beam_of(config: LidarConfig) -> Beam:
 
 
 class WeatherInAir:
-    """Changes the echoes of a LiDAR's scans as the weather does; see ``measuring.InAir``. Threads may share it."""
+    """Changes the echoes of a LiDAR's scans as the weather does; see ``InAir``. Threads may share it."""
 
     def __init__(self, config: LidarConfig, weather: WeatherConfig, lowest: float = 0.0) -> None:
         """``lowest`` is the height [m] of the lowest ground, where fog that thins with height is densest."""
@@ -474,7 +474,7 @@ class Lidar(IdealLidar):
     Args:
         config: with or without a signal.
         scene: what it sees.
-        robot: what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+        robot: what it sees of the robot that carries it (``experiment.rig.visible_parts``).
         weather: what is in the air.
         in_air: instead of the weather, what the air does to echoes.
     """
