@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from fieldtruth.core.readings import Fix
-from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssTruth
+from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssFixes, GnssReadings, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
 
 
