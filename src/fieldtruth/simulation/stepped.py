@@ -241,7 +241,9 @@ class Simulation:
         """Return what the sensors are in; the world is built at the first use."""
         if self._sensor_world is None:
             self._route = None
-            compile_beside(self._experiment)
+            read = {name.partition("/")[0] for name in self.wanted}
+            rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
+            compile_beside(self._experiment.model_copy(update={"rig": rig}))
             world = world_of(self._experiment) if self._own_world is None else self._own_world
             self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
         return self._sensor_world
