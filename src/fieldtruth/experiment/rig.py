@@ -18,9 +18,19 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Reading
+from fieldtruth.experiment.catalogue import figures_of, models
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, check_model, part, sensor_of
+from fieldtruth.experiment.sensor_config import (
+    KINDS,
+    SIGNAL,
+    WORDS,
+    MountedConfig,
+    SensorConfig,
+    check_model,
+    part,
+    sensor_of,
+)
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
@@ -135,11 +145,6 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
     return {**rest, "robot": part(RobotConfig, robot)}
 
 
-_OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
-               "normals", "flow", "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
-"""What of a sensor no model says."""
-
-
 def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of a rig with its sections as items of ``sensors``; without ``sensors`` these are the paper's.
 
@@ -165,8 +170,15 @@ def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
         return [*items[:at], section, *items[at + 1 :]]
     own = items[at].model_dump(exclude_unset=True) if isinstance(items[at], SensorConfig) else items[at]
     if change.get("model") is not None:  # its figures replace those of the item
-        own = {name: value for name, value in own.items() if name in _OWN}
+        of_models = _given_by_models(KINDS[kind])
+        own = {name: own[name] for name in own if name not in of_models and (name != SIGNAL or own[name] in WORDS)}
     return [*items[:at], part(KINDS[kind], {**own, **change}, key), *items[at + 1 :]]
+
+
+def _given_by_models(config: type[SensorConfig]) -> set[str]:
+    """Return the keys of a kind of sensor that a model may give."""
+    figures = (figures_of(config.family, model) for model in models(config.family))
+    return {key for each in figures for key in config.completed({}, each)}
 
 
 def _item(key: str, section: Any) -> tuple[str, dict[str, Any]]:
