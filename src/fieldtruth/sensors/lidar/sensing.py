@@ -477,6 +477,7 @@ class Lidar(IdealLidar):
         robot: what it sees of the robot that carries it (``experiment.rig.visible_parts``).
         weather: what is in the air.
         in_air: instead of the weather, what the air does to echoes.
+        seed: of the noise; None takes that of the world.
     """
 
     def __init__(
@@ -487,6 +488,7 @@ class Lidar(IdealLidar):
         weather: WeatherConfig | None = None,
         *,
         in_air: InAir | None = None,
+        seed: int | None = None,
     ) -> None:
         super().__init__(config, scene, robot)
         signal = config.signal
@@ -495,6 +497,7 @@ class Lidar(IdealLidar):
         if in_air is None and weather is not None and not weather.is_clear:
             in_air = WeatherInAir(config, weather, float(scene.world.terrain.surface.heights.min()))
         self._receiver, self._in_air = receiver_of(signal), in_air
+        self._seed = scene.world.seed if seed is None else seed
         self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
         self._coherent = new_packet(coherent=True)
         self._tables = scene.hits, surface_table(scene)
@@ -554,5 +557,5 @@ class Lidar(IdealLidar):
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _key(self, number: int) -> np.uint64:
-        """Key of what a scan draws: it depends on the experiment's seed, the LiDAR's name and the scan's number."""
-        return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
+        """Key of what a scan draws: it depends on the seed, the LiDAR's name and the scan's number."""
+        return rng_of(self._seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
