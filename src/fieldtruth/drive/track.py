@@ -75,7 +75,7 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """What a robot with wheels does. Rows of ``wheels`` are those of the track's motion."""
+    """Wheels and commands of a robot. Rows of ``wheels`` are those of the track's motion."""
 
     wheels: WheelMotion
     commands: Commands

@@ -121,7 +121,7 @@ _OF_PAPER: Final = tuple(config for config in CONFIGS if "sections" in vars(conf
 """The sensors of the paper, in the order of the topics in a bag."""
 _SECTIONS: Final = {key: (config, each) for config in _OF_PAPER for key, each in config.sections.items()}
 SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, (config, each) in _SECTIONS.items()}
-"""What each section may have."""
+"""Class of the value of each section."""
 ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
 """Keys of a rig that change the part of ``robot`` with the same name."""
 
@@ -383,10 +383,10 @@ def rollers(rig: Rig) -> tuple[Cylinder, ...]:
 
 
 def body_parts(rig: Rig) -> Sequence[Box | Cylinder]:
-    """What of the robot hides what is behind it: chassis, wheels and caster; mast and housings have no known shape."""
+    """Return chassis, wheels and caster, which hide what is behind them; mast and housings have no known shape."""
     return (chassis_box(rig), *rollers(rig))
 
 
 def visible_parts(rig: Rig) -> Sequence[Box | Cylinder]:
-    """What of the robot its sensors see: nothing, unless ``rig.visible``."""
+    """Return the parts of the robot that its sensors see: none, unless ``rig.visible``."""
     return body_parts(rig) if rig.visible else ()

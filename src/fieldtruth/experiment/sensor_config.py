@@ -55,10 +55,10 @@ class Output(NamedTuple):
     """A series of readings of a sensor; each makes one message for each of ``topics``."""
 
     name: str
-    """That of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
+    """Name of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
     topics: tuple[Topic, ...]
     part: str = ""
-    """Which of the sensor's series it is, if there are several, such as ``left``."""
+    """Name of the series, if the sensor has several, such as ``left``."""
     ideal: bool = False
     """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
     clock: str = ""
@@ -183,7 +183,7 @@ class Section(NamedTuple):
     """A key of the short form of a rig, such as ``lidar`` or ``odometry``."""
 
     config: type[Frozen] | None = None
-    """What its value may have; None for the whole configuration."""
+    """Class of its value; None: the configuration of the sensor."""
     keys: Mapping[str, str] = {}
     """Names of its keys in the configuration, where they differ."""
 

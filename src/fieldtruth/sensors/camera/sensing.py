@@ -354,7 +354,7 @@ _FAR: Final = 1e6  # [m], of the sky
 
 
 class Light(NamedTuple):
-    """What a camera with a signal develops: label images at the stamp, and how the light was metered.
+    """Light that a camera with a signal has collected: label images at the stamp, and how it was metered.
 
     The light itself is in a buffer of the camera. Without metering, the images have their photograph already.
     """

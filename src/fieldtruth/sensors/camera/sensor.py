@@ -79,7 +79,7 @@ class CameraSensor(Sensor):
         return self._camera.flow(images, now, later, self._robot(imager))
 
     def _robot(self, imager: Imager) -> RobotView | None:
-        """What the view sees of the robot."""
+        """Return the robot as the view sees it; None if it does not."""
         parts = self.sensor_world.robot_parts
         if not parts:
             return None

@@ -366,7 +366,7 @@ class RtkStates:
 
 
 def in_use(sine: Array, ratio: Array, signal: GnssSignal) -> Mask:
-    """Which satellites (t, n) stand high enough and are strong enough."""
+    """Return the mask (t, n) of satellites that stand high enough and are strong enough."""
     above = sine > np.sin(np.radians(signal.elevation_mask_deg))
     used: Mask = above & np.isfinite(ratio) & (ratio >= signal.cn0_min_dbhz)
     return used
@@ -378,7 +378,7 @@ def _probability(per_hour: float, step_s: float) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GnssFixes:
-    """What a receiver measures; rows without a position have NaN there, and zeros in the covariance."""
+    """Measurements of a receiver; rows without a position have NaN there, and zeros in the covariance."""
 
     geodetic: Array
     """(n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
@@ -403,7 +403,7 @@ class GnssReadings:
     stamps_ns: Stamps
     geodetic: Array
     fixes: GnssFixes | None = None
-    """What the receiver measures; None if its signal is ideal."""
+    """Measurements of the receiver; None if it is ideal."""
 
 
 class GnssTruth:
@@ -435,7 +435,7 @@ AIDED: Final = 2
 
 
 class Sky(NamedTuple):
-    """What an antenna receives at t times of n satellites."""
+    """Signals of n satellites at an antenna, at t times."""
 
     directions: Array
     """Unit vectors (t, n, 3) in the world frame."""
@@ -461,7 +461,7 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
 
 
 class GnssErrors:
-    """What a receiver measures, fix by fix, so that fixes do not depend on how their series is cut.
+    """Fixes of a receiver with errors, one by one, so that they do not depend on how their series is cut.
 
     Args:
         config: the receiver.

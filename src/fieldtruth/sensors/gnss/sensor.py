@@ -22,7 +22,7 @@ class Gnss(MotionSensor):
     config: GnssConfig
 
     def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
-        """Return what readings have to go on from: true positions, and what a real receiver has measured."""
+        """Return the true positions and the errors of a real receiver, which go on as the motion grows."""
         config, seed = self.config, self.sensor_world.seed
         return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, seed)
 
