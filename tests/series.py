@@ -4,15 +4,15 @@
 
 from typing import Any
 
-from fieldtruth.drive.track import GnssReadings, ImuReadings, TachometerReadings, Track, WheelOdometry
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.sensors.gnss.sensing import read_gnss
-from fieldtruth.sensors.imu.sensing import read_imu
+from fieldtruth.sensors.gnss.sensing import GnssReadings, read_gnss
+from fieldtruth.sensors.imu.sensing import ImuReadings, read_imu
 from fieldtruth.sensors.kind import At, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
+from fieldtruth.sensors.wheel_odometry.sensing import TachometerReadings, TrueWheels, WheelOdometry, WheelTruth
 
 
 def imu_along(track: Track, rig: Rig | None = None) -> ImuReadings:

@@ -10,10 +10,10 @@ from series import odometry_along
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.track import Track, WheelMotion, WheelOdometry
+from fieldtruth.drive.track import Track, WheelMotion
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth, effective_track
+from fieldtruth.sensors.wheel_odometry.sensing import WheelOdometry, WheelTruth, effective_track
 from fieldtruth.world.model import World
 
 RIG = Rig()

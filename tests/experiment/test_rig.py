@@ -92,6 +92,9 @@ def test_a_model_beside_a_list_keeps_what_no_model_says() -> None:
     item = {"kind": "stereo", "depth": True, "width": 640, "jpeg_quality": 80}
     pair = parsed({"sensors": [item], "cameras": {"model": "realsense_d435i"}}).stereo
     assert (pair.depth, pair.jpeg_quality, pair.width, pair.baseline) == (True, 80, 1280, 0.05)
+    own = {"organised": True, "clock": {"drift_ppm": 20.0}, "signal": "datasheet", "columns": 64}
+    changed = parsed({"sensors": [lidar(**own)], "lidar": {"model": "vlp_16"}}).lidar
+    assert changed == parsed({"sensors": [lidar(**own | {"model": "vlp_16", "columns": 1808})]}).lidar
 
 
 def test_a_model_gives_a_pair_its_baseline_and_a_named_sensor_its_figures() -> None:

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.catalogue import figures_of, list_models, models
+from fieldtruth.experiment.catalogue import datasheet_of, figures_of, list_models, models
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
@@ -238,6 +238,21 @@ def stored_with(at: str, model: str, **rig: Any) -> str:
 def test_the_values_of_another_model_are_refused(at: str, model: str, rig: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=rf"^stored\.yaml: .*{line}"):
         parse_experiment(stored_with(at, model, **rig), "stored.yaml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "model", "signal"),
+    [
+        ("lidar", "os1_64_rev7", datasheet_of("lidar", "vlp_16")),
+        ("stereo", "zed_x", datasheet_of("camera", "zed_2")),
+        ("wheel_odometry", "husky_a200", {"counts_per_revolution": 1024}),  # that of another model
+        ("imu", "vn_100", {}),
+    ],
+)
+def test_a_model_may_have_the_noise_of_another(kind: str, model: str, signal: dict[str, Any]) -> None:
+    config: Any = sensor(kind, model=model, signal=signal)
+    assert config.signal == type(config.signal)(**signal)
+    assert figures_of(config.family, model).keys() & config.model_fields_set
 
 
 @pytest.mark.parametrize("kind", ["imu", "gnss", "wheel_odometry", "lidar", "camera", "stereo"])

@@ -13,14 +13,13 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
-from fieldtruth.drive.track import GnssReadings
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.sensing import GnssErrors
+from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssReadings
 from fieldtruth.sensors.gnss.sensor import Gnss, _line
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.validation.check import Tally

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.random import GaussMarkov
-from fieldtruth.drive.track import ImuReadings, stamps_at_rate
+from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.sensors.imu.config import ImuSignal
-from fieldtruth.sensors.imu.sensing import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised
+from fieldtruth.sensors.imu.sensing import ImuErrors, ImuReadings, MeasuredImu, Triad, TriadErrors, quantised
 
 Floats = NDArray[np.float64]
 RATE = 100.0

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.drive.track import ImuReadings, stamps_at_rate
+from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import ClockConfig
 from fieldtruth.record.streams import read_clock
 from fieldtruth.sensors.imu.check import ImuNoise
 from fieldtruth.sensors.imu.config import ImuSignal
-from fieldtruth.sensors.imu.sensing import ImuErrors, Triad
+from fieldtruth.sensors.imu.sensing import ImuErrors, ImuReadings, Triad
 from fieldtruth.sensors.wheel_odometry.check import WheelNoise
 from fieldtruth.validation.check import Check, Spec, Tally
 from fieldtruth.validation.streams import Clocks

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.drive.track import TachometerReadings, WheelMotion, stamps_at_rate
+from fieldtruth.drive.track import WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig, WheelSignal
 from fieldtruth.sensors.wheel_odometry.sensing import (
     DeadReckoning,
     MeasuredWheels,
+    TachometerReadings,
     TrueWheels,
     WheelErrors,
     WheelTruth,

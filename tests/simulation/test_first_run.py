@@ -13,10 +13,11 @@ from typing import Any
 import numba
 import pytest
 
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.render.bake import BakedScene, lit_scene
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.simulation import first_run
+from fieldtruth.simulation import first_run, stepped
 
 BEGIN = """
 import sys, time
@@ -79,3 +80,13 @@ def test_a_box_needs_the_kernels_of_a_real_world(park: SensorWorld, monkeypatch:
     first_run.compile_kernels(load_experiment("park_1"))
     typeof: Any = numba.typeof
     assert typeof(found[0].shading) == typeof(park.baked.shading)
+
+
+def test_kernels_of_cameras_that_are_not_read_are_not_compiled(
+    park: SensorWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = list[Experiment]()
+    monkeypatch.setattr(stepped, "compile_beside", given.append)
+    for sensors in (["lidar"], ["stereo/left"]):
+        assert stepped.Simulation("park_1", world=park.world, sensors=sensors).world is park.world
+    assert [[each.name for each in experiment.rig.in_order()] for experiment in given] == [["lidar"], ["stereo"]]

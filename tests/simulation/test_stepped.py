@@ -74,7 +74,7 @@ def test_a_restored_simulation_goes_on_with_the_same_bits() -> None:
 
 def test_seeds_and_commands_decide_everything() -> None:
     made = experiment(signal=True, seconds=0.3)
-    names = motion_only(made)
+    names = [*motion_only(made), "flash"]
 
     def driven(seed: int, *sizes: float, turn_rate: float = 0.2) -> tuple[ft.Frame, dict[str, Any]]:
         sim = ft.Simulation(made, scene=SCENE, sensors=names)
@@ -89,7 +89,8 @@ def test_seeds_and_commands_decide_everything() -> None:
         assert same == messages
     seeded, noise = driven(4, 0.25)
     np.testing.assert_array_equal(seeded.pose, end.pose)  # the world is given: only the errors differ
-    assert noise["/imu/data"] != messages["/imu/data"]
+    for topic in ("/imu/data", "/navsat/fix", "/flash/points"):
+        assert noise[topic] != messages[topic]
     assert noise["/imu/data/truth"] == messages["/imu/data/truth"]
     turned, _ = driven(3, 0.25, turn_rate=-0.2)
     assert abs(turned.pose - end.pose).max() > 1e-3

@@ -16,6 +16,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.simulation.first_run import wait_for_kernels
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.environments import ENVIRONMENTS
 
@@ -76,6 +77,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         driven = simulation.drive()
     with progress.stage("bake the light"):
         baked, track = driven.sensor_world.baked, driven.track
+    wait_for_kernels(progress)
     sensors = (*made.rig.enabled(CameraConfig), *made.rig.enabled(LidarConfig))
     rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     stretches = stretches_of(track.duration_s, settings.views, workers)

@@ -161,21 +161,21 @@ def motion_along(
     count, known = count + sweep, min(count + sweep, (last_ns - start_ns) // STEP_NS)
     times = np.asarray((stamps_ns - start_ns) / 1e9, np.float64)
     steps = np.arange(known + 1, dtype=np.float64) * STEP_S
-    places = CubicSpline(times, position)(steps)
+    positions = CubicSpline(times, position)(steps)
     attitudes = _attitudes(times, quaternion_wxyz, steps)
     # At the stamps of the poses exactly these: the splines round in the last bit.
     rows, rest = np.divmod(stamps_ns - start_ns, STEP_NS)
     own = (rest == 0) & (rows >= 0) & (rows <= known)
-    places[rows[own]], attitudes[rows[own]] = position[own], quaternion_wxyz[own]
-    places, attitudes = _continued(places, attitudes, count - known)
+    positions[rows[own]], attitudes[rows[own]] = position[own], quaternion_wxyz[own]
+    positions, attitudes = _continued(positions, attitudes, count - known)
     turned = np.einsum("ni,ni->n", attitudes[1:], attitudes[:-1]) < 0
     attitudes[1:] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]  # q and -q are the same rotation
     turns = Rotation.from_quat(xyzw_from_wxyz(attitudes))
     return Motion(
         stamps_ns=np.arange(1, count + 1, dtype=np.int64) * STEP_NS,
-        position=places[1:],
+        position=positions[1:],
         quaternion_wxyz=attitudes[1:],
-        linear_velocity=np.diff(places, axis=0) / STEP_S,
+        linear_velocity=np.diff(positions, axis=0) / STEP_S,
         angular_velocity=(turns[1:] * turns[:-1].inv()).as_rotvec() / STEP_S,
     )
 
@@ -195,10 +195,10 @@ def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:
     return wxyz_from_xyzw(np.concatenate([spline(block).as_quat() for block in blocks]))
 
 
-def _continued(places: Array, attitudes: Array, count: int) -> tuple[Array, Array]:
+def _continued(positions: Array, attitudes: Array, count: int) -> tuple[Array, Array]:
     """Positions (n, 3) and quaternions wxyz (n, 4) with ``count`` further rows, each moved like the last one."""
     before, last = Rotation.from_quat(xyzw_from_wxyz(attitudes[-2:]))
     numbers = np.arange(1, count + 1)[:, None]
     turned = Rotation.from_rotvec(numbers * (last * before.inv()).as_rotvec()) * last
-    moved = places[-1] + numbers * (places[-1] - places[-2])
-    return np.concatenate([places, moved]), np.concatenate([attitudes, wxyz_from_xyzw(turned.as_quat())])
+    moved = positions[-1] + numbers * (positions[-1] - positions[-2])
+    return np.concatenate([positions, moved]), np.concatenate([attitudes, wxyz_from_xyzw(turned.as_quat())])

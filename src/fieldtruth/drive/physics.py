@@ -63,7 +63,7 @@ _BEDROCK: Final = 1.0  # [m] of solid ground below the lowest point
 
 
 class Support(NamedTuple):
-    """What bears the robot: a wheel, or the caster, which is fixed to base_link and has no friction."""
+    """A wheel, or the caster, which is fixed to base_link and has no friction."""
 
     geom: str
     body: str
@@ -78,7 +78,7 @@ class Support(NamedTuple):
 
 
 def supports(rig: Rig) -> tuple[Support, ...]:
-    """What bears the robot: the wheels by ``names``, then the caster."""
+    """Return the wheels by ``names``, then the caster: all that bears the robot."""
     robot, wheels, mounts = rig.robot, rig.wheels, rig.mounts()
     share = (1 - robot.caster_share) / len(wheels.names)
     result = [

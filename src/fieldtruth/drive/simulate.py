@@ -77,7 +77,7 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
 
 
 class RobotState(NamedTuple):
-    """What ``SimulatedRobot`` needs to go on from here."""
+    """State of a ``SimulatedRobot``, from which it goes on."""
 
     steps: int
     ramp: tuple[Command, Command, int]

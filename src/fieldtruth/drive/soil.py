@@ -51,7 +51,7 @@ _NO_STONES: Final = Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=
 
 @dataclass(frozen=True)
 class Soil:
-    """What a wheel meets: pressure over sinkage (Bekker), strength (Mohr-Coulomb), shear (Janosi-Hanamoto)."""
+    """Parameters of a soil: pressure over sinkage (Bekker), strength (Mohr-Coulomb), shear (Janosi-Hanamoto)."""
 
     k_c: float  # [N/m^(n+1)], Bekker's cohesive modulus
     k_phi: float  # [N/m^(n+2)], Bekker's frictional modulus

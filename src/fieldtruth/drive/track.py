@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a drive: the true motion at the physics rate, its state at any stamp, commands, and series of readings.
+"""Result of a drive: the true motion at the physics rate, its state at any stamp, and the stamps of readings.
 
 A sensor of the motion reads at the physics step nearest to its due time, and the reading carries that step's own stamp;
 for rates that divide 1000 Hz the two are equal.
@@ -66,78 +66,6 @@ def joined(before: _Columns, after: _Columns) -> _Columns:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImuReadings:
-    """Readings in the IMU's frame (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards.
-
-    Reading k is the mean over the interval (begin, stamp k]: ``angular_velocity`` is the rotation vector from begin to
-    the stamp divided by the interval, and ``linear_acceleration`` the change of velocity, less that of gravity, divided
-    by the interval and expressed in its frame at the stamp. With ``sampling: mean`` the interval begins at the stamp
-    before, so that with R the attitude (3, 3) these two lines integrate without error::
-
-        R = R @ exp(angular_velocity * dt)
-        v = v + (R @ linear_acceleration - (0, 0, 9.81)) * dt
-
-    With ``sampling: instant`` the interval is one step of the physics. That of the first reading begins with the first
-    state.
-    """
-
-    stamps_ns: Stamps
-    quaternion_wxyz: Array  # (n, 4)
-    angular_velocity: Array  # (n, 3) [rad/s], in the IMU's frame
-    linear_acceleration: Array  # (n, 3) [m/s^2], specific force in the IMU's frame
-
-
-@dataclass(frozen=True, kw_only=True)
-class GnssFixes:
-    """What a receiver measures; rows without a position have NaN there, and zeros in the covariance."""
-
-    geodetic: Array
-    """(n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
-    covariance: Array
-    """(n, 3, 3) of the position in east, north, up [m^2]; zeros without errors."""
-    status: Counts
-    """(n,) of sensor_msgs/NavSatStatus."""
-    service: int
-    """Satellite systems, of sensor_msgs/NavSatStatus."""
-    state: Counts
-    """(n,) of RTK: 0 alone, 1 float, 2 fixed."""
-    satellites: Counts
-    """(n,) satellites in use."""
-    dop: Array
-    """(n, 3): position, horizontal and vertical dilution of precision; NaN below four satellites."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class GnssReadings:
-    """Position of the antenna: ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
-
-    stamps_ns: Stamps
-    geodetic: Array
-    fixes: GnssFixes | None = None
-    """What the receiver measures; None if its signal is ideal."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TachometerReadings:
-    """Angular speed of each wheel (n, wheels) [rad/s], positive forwards."""
-
-    stamps_ns: Stamps
-    wheel_speed: Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class WheelOdometry:
-    """Dead reckoning from the angles of the wheels; units and columns as in ``WheelMotion``."""
-
-    stamps_ns: Stamps
-    wheels: WheelMotion
-    pose: Array
-    """(n, 3): x, y [m] and yaw [rad] of base_link in the frame odom, which is base_link's at time 0."""
-    twist: Array
-    """(n, 2): mean forward speed [m/s] and turn rate [rad/s] since the reading before."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Commands:
     """Forward speed [m/s] and turn rate [rad/s] (n, 2) that the controller demands from each stamp on."""
 
@@ -147,7 +75,7 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """What a robot with wheels does. Rows of ``wheels`` are those of the track's motion."""
+    """Wheels and commands of a robot. Rows of ``wheels`` are those of the track's motion."""
 
     wheels: WheelMotion
     commands: Commands

@@ -201,7 +201,7 @@ def robot_radius(robot: RobotConfig) -> float:
 
 
 class Blockage(IntEnum):
-    """What blocks a cell."""
+    """Reason why a cell is blocked."""
 
     NONE = 0
     OBSTACLE = 1

@@ -237,7 +237,7 @@ class WeatherConfig(Frozen):
 
     @property
     def text(self) -> str:
-        """What is in the air, for people."""
+        """Fog, rain, snow and dust in words."""
         found = {"fog, visibility": self.fog_visibility_m, "rain": self.rain_mm_h, "snow": self.snow_mm_h}
         units = {"fog, visibility": "m", "rain": "mm/h", "snow": "mm/h", "dust": "g/m³"}
         if self.visibility_m != CLEAR_VISIBILITY_M:

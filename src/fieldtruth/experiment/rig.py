@@ -19,8 +19,19 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
+from fieldtruth.experiment.catalogue import figures_of, models
+from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sensor_config import KINDS, MountedConfig, SensorConfig, check_model, part, sensor_of
+from fieldtruth.experiment.sensor_config import (
+    KINDS,
+    SIGNAL,
+    WORDS,
+    MountedConfig,
+    SensorConfig,
+    check_model,
+    part,
+    sensor_of,
+)
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
@@ -111,7 +122,7 @@ _OF_PAPER: Final = tuple(config for config in CONFIGS if "sections" in vars(conf
 """The sensors of the paper, in the order of the topics in a bag."""
 _SECTIONS: Final = {key: (config, each) for config in _OF_PAPER for key, each in config.sections.items()}
 SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, (config, each) in _SECTIONS.items()}
-"""What each section may have."""
+"""Class of the value of each section."""
 ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
 """Keys of a rig that change the part of ``robot`` with the same name."""
 
@@ -133,11 +144,6 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
                 value = {**known, **value}
             robot[key] = part(config, value, key).model_dump()
     return {**rest, "robot": part(RobotConfig, robot)}
-
-
-_OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
-               "normals", "flow", "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
-"""What of a sensor no model says."""
 
 
 def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -165,8 +171,15 @@ def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
         return [*items[:at], section, *items[at + 1 :]]
     own = items[at].model_dump(exclude_unset=True) if isinstance(items[at], SensorConfig) else items[at]
     if change.get("model") is not None:  # its figures replace those of the item
-        own = {name: value for name, value in own.items() if name in _OWN}
+        of_models = _given_by_models(KINDS[kind])
+        own = {name: own[name] for name in own if name not in of_models and (name != SIGNAL or own[name] in WORDS)}
     return [*items[:at], part(KINDS[kind], {**own, **change}, key), *items[at + 1 :]]
+
+
+def _given_by_models(config: type[SensorConfig]) -> set[str]:
+    """Return the keys of a kind of sensor that a model may give."""
+    figures = (figures_of(config.family, model) for model in models(config.family))
+    return {key for each in figures for key in config.completed({}, each)}
 
 
 def _item(key: str, section: Any) -> tuple[str, dict[str, Any]]:
@@ -380,10 +393,10 @@ def rollers(rig: Rig) -> tuple[Cylinder, ...]:
 
 
 def body_parts(rig: Rig) -> Sequence[Box | Cylinder]:
-    """What of the robot hides what is behind it: chassis, wheels and caster; mast and housings have no known shape."""
+    """Return chassis, wheels and caster, which hide what is behind them; mast and housings have no known shape."""
     return (chassis_box(rig), *rollers(rig))
 
 
 def visible_parts(rig: Rig) -> Sequence[Box | Cylinder]:
-    """What of the robot its sensors see: nothing, unless ``rig.visible``."""
+    """Return the parts of the robot that its sensors see: none, unless ``rig.visible``."""
     return body_parts(rig) if rig.visible else ()

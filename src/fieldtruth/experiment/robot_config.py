@@ -31,7 +31,7 @@ class WheelConfig(Frozen):
     width: Length = 2 * (0.67 / 2 - 0.2854)  # [m]; a Husky's outline ends at the wheels' outer faces
     mass: Positive = 2.637  # [kg]
     inertia: Inertia = (0.02467, 0.04411, 0.02467)  # [kg m^2], principal moments; y is the axle
-    tyre_stiffness: Positive = 70_000.0  # [N/m]; see drive.tyre
+    tyre_stiffness: Positive = 70_000.0  # [N/m]; see drive.surroundings
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,7 +125,7 @@ class RobotConfig(Frozen):
         for other in ROBOTS if len(clear) >= CLEARLY else ():
             if other != self.model and not self._unlike(other):
                 what = f"is that of the model {other}, not of {self.model}: {shortened(getattr(self, clear[0]))}"
-                raise LocatedError(f"{what}; leave out what {self.model} shall give", clear[:1])
+                raise LocatedError(f"{what}; leave out what {self.model} shall give, or name {other}", clear[:1])
 
     def _unlike(self, model: str) -> list[str]:
         other = RobotConfig.model_validate({"model": model})

@@ -3,7 +3,7 @@
 """Configuration of all sensors: outputs, topics, clock and signal. A subclass with a ``kind`` is a kind of sensor."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
@@ -55,10 +55,10 @@ class Output(NamedTuple):
     """A series of readings of a sensor; each makes one message for each of ``topics``."""
 
     name: str
-    """That of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
+    """Name of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
     topics: tuple[Topic, ...]
     part: str = ""
-    """Which of the sensor's series it is, if there are several, such as ``left``."""
+    """Name of the series, if the sensor has several, such as ``left``."""
     ideal: bool = False
     """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
     clock: str = ""
@@ -183,7 +183,7 @@ class Section(NamedTuple):
     """A key of the short form of a rig, such as ``lidar`` or ``odometry``."""
 
     config: type[Frozen] | None = None
-    """What its value may have; None for the whole configuration."""
+    """Class of its value; None: the configuration of the sensor."""
     keys: Mapping[str, str] = {}
     """Names of its keys in the configuration, where they differ."""
 
@@ -450,36 +450,38 @@ def sensor_of(value: Any) -> SensorConfig:
 
 
 def check_model(sensor: SensorConfig) -> None:
-    """Check that the values of a sensor with a model are not all those of another model, or of none.
+    """Check that a sensor does not have all figures of another model, at least ``CLEARLY`` of them not its own model's.
 
-    A stored experiment has every value of a sensor, so that to change ``model`` there would change the name alone.
+    A stored experiment has every value of a sensor, so to change ``model`` there would change the name alone. Of a
+    model that gives fewer figures, the rate apart, those of its data sheet are compared.
 
     Raises:
         LocatedError: the first figure that is of another model; or the signal, if it is another's data sheet.
     """
-    config, model = type(sensor), sensor.model
+    config, model, signal = type(sensor), sensor.model, sensor.signal
     if model is None:
         return
     given = config.completed({}, figures_of(config.family, model)).keys() - {"rate_hz"}
-    figures, signal = [key for key in config.model_fields if key in given], [SIGNAL] * (sensor.signal is not None)
-    clear = _unlike(sensor, model, figures)
-    keys = figures if len(clear) >= CLEARLY else _unlike(sensor, model, signal)
-    for other in (None, *models(config.family)) if keys else ():
-        if other != model and not _unlike(sensor, other, keys):
-            key = clear[0] if keys is figures else SIGNAL
-            whose = "without a model" if other is None else f"of the model {other}"
+    keys, of_signal = [key for key in config.model_fields if key in given], len(given) < CLEARLY
+    if of_signal:
+        keys = [] if signal is None or signal == type(signal)() else list(type(signal).model_fields)
+
+    def unlike(other: str | None) -> list[str]:
+        values = {"model": other, "rate_hz": sensor.rate_hz, **({SIGNAL: DATASHEET} if of_signal else {})}
+        try:
+            made = part(config, values)
+        except PartError:  # a model that has no such rate
+            return keys
+        own, others = (signal, made.signal) if of_signal else (sensor, made)
+        return [key for key in keys if getattr(own, key) != getattr(others, key)]
+
+    clear = unlike(model)
+    for other in (None, *models(config.family)) if len(clear) >= CLEARLY else ():
+        if other != model and not unlike(other):
+            key = SIGNAL if of_signal else clear[0]
+            whose, name = ("without a model", "no model") if other is None else (f"of the model {other}", other)
             what = f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}"
-            raise LocatedError(f"{what}; leave out what {model} shall give", [key])
-
-
-def _unlike(sensor: SensorConfig, model: str | None, keys: Sequence[str]) -> list[str]:
-    """Return the keys in which a sensor differs from one of a model with the same rate, and a real one's signal."""
-    values = {"model": model, "rate_hz": sensor.rate_hz, **({SIGNAL: DATASHEET} if SIGNAL in keys else {})}
-    try:
-        other = part(type(sensor), values)
-    except PartError:  # a model that has no such rate
-        return list(keys)
-    return [key for key in keys if getattr(sensor, key) != getattr(other, key)]
+            raise LocatedError(f"{what}; leave out what {model} shall give, or name {name}", [key])
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:

@@ -118,7 +118,7 @@ STREAMS: Final = {
     "normals": ("normals", "sensor_msgs/msg/Image"),
     "flow": ("flow", "sensor_msgs/msg/Image"),
 }
-"""What a camera publishes: topic after that of the camera, and type, in the order of its messages."""
+"""Streams of a camera: topic after that of the camera, and type, in the order of its messages."""
 EXTRAS: Final = ("depth", "instances", "normals", "flow")
 """Streams that a camera publishes only if the key of that name is true."""
 IMAGES: Final = {

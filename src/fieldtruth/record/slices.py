@@ -32,7 +32,7 @@ from fieldtruth.sensors.known import OWN
 SLICE_NS: Final = 10**8
 """Simulated time [ns] in a slice: short, so that a few seconds keep many cores busy."""
 _MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.streams")
-"""Those of the package's kinds of sensors are imported by these."""
+"""They import the package's kinds of sensors."""
 
 
 def slices_key(*inputs: object) -> str:

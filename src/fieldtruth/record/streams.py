@@ -34,7 +34,7 @@ _CLOCK: Final = "clock"
 
 @dataclass(frozen=True)
 class ClockReadings:
-    """What the clock of a sensor shows at its readings [ns] (n,), and the numbers of those that are not lost."""
+    """Times (n,) [ns] that the clock of a sensor shows at its readings, and the numbers of those that are not lost."""
 
     shown_ns: Stamps
     kept: NDArray[np.int64]

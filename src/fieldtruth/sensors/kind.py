@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every kind of sensor is: readings as arrays from the motion, a signal over them, and their messages.
+"""Kinds of sensors: readings as arrays from the motion, a signal over them, and their messages.
 
 A sensor gives the reading of an ``Output`` of its configuration in three steps, which all kinds have: the truth, what a
 real sensor makes of it, and the messages. A kind is known once the module with its class is imported.
@@ -45,7 +45,7 @@ class _Shared:
 
 
 class SensorWorld(_Shared):
-    """What sensors are in: a world in its light and weather, and the robot that carries them. Threads may share it.
+    """A world in its light and weather, with the robot that carries the sensors. Threads may share it.
 
     Args:
         world: what they sense.
@@ -98,7 +98,7 @@ class SensorWorld(_Shared):
 
     @cached_property
     def robot_parts(self) -> Sequence[Box | Cylinder]:
-        """What the sensors see of the robot that carries them."""
+        """Parts of the robot that its sensors see."""
         return visible_parts(self.rig)
 
 
@@ -146,7 +146,7 @@ class At(NamedTuple):
     stamp_ns: int
     """True time [ns]."""
     header_ns: int
-    """What the sensor's clock shows [ns]."""
+    """Time [ns] that the sensor's clock shows."""
     movement: Movement
     next_ns: int | None = None
     """Stamp [ns] of the next reading that is not lost; None after the last."""
@@ -216,7 +216,7 @@ class MotionSensor(Sensor):
 
     @abstractmethod
     def begin(self) -> Any:
-        """Return what the readings of a drive have to go on from: a memory that can be copied."""
+        """Return the memory of a sensor at the start of a drive, which can be copied: readings go on from it."""
 
     @abstractmethod
     def extend(self, memory: Any, track: Track) -> tuple[Any, Any]:

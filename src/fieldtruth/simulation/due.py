@@ -92,7 +92,7 @@ class DueReadings:
         self._taken, self._counted = [0] * len(self.outputs), [0] * len(self.outputs)
         self._horizon_ns, self._series = 0, list[Series]()
         self.memory: Any = None
-        """What the readings of a sensor of motion go on from."""
+        """State from which the readings of a sensor of motion go on."""
 
     def save(self) -> Any:
         """Return what ``restore`` needs to go on from here."""

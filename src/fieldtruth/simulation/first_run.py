@@ -3,10 +3,10 @@
 """The first run: the largest kernels compile in a process of their own while world, drive and light are made.
 
 Numba compiles on one thread of a process. So a second process reads each sensor that sees once, in a world that is a
-box, in the same light and weather, and keeps the code in the cache. Who needs a kernel meanwhile waits for its file if
-it is being compiled, and compiles what has not been begun (`kernels.compile`): nothing depends on the second process.
-No such process is started where no file can be kept, or where only one core is free. It ends with this one, however
-this one ends: its standard input is a pipe, which the system then closes.
+box, in the same light and weather, and keeps the code in the cache. If this process needs a kernel meanwhile, it waits
+for the file of one that is being compiled, and compiles any other itself (``kernels.compile``): nothing depends on the
+second process. It is not started where no file can be kept, or where only one core is free. It ends with this one,
+however this one ends: its standard input is a pipe, which the system then closes.
 """
 
 import os
@@ -93,15 +93,16 @@ class _Box(SensorWorld):
 
 
 def compile_kernels(experiment: Experiment) -> None:
-    """Compile what the sensors of an experiment need that see: read each of them, those with the most work first."""
+    """Compile the kernels of the sensors that see: read each of them, cameras first, whose kernels are the largest."""
     rig = experiment.rig
     world = World.from_meshes(
         [MeshPart((_CORNERS, np.vstack([_SIDES[:, :3], _SIDES[:, [0, 2, 3]]])), "bench")], ground=0.0
     )
     sensor_world = _Box(world, rig, experiment.light, experiment.weather, seed=experiment.seed)
-    for config in sorted(rig.in_order(), key=lambda config: not isinstance(config, ImagingConfig)):
-        for output in config.outputs_on(rig.robot) if config.sees else ():
-            sensor = sensor_class(config)(config, sensor_world)
+    seeing = (config for config in rig.in_order() if config.sees)
+    for config in sorted(seeing, key=lambda config: not isinstance(config, ImagingConfig)):
+        sensor = sensor_class(config)(config, sensor_world)
+        for output in config.outputs_on(rig.robot):
             for speed in _SPEEDS if config.signal is not None else _SPEEDS[:1]:
                 sensor.read(output, At(0, 0, 0, _moving(speed), 100_000_000))
 

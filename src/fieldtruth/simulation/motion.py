@@ -99,7 +99,7 @@ def track_in(world: World, experiment: Experiment, given: TrackFile | None, adva
 
 
 class MotionState(NamedTuple):
-    """What a motion needs to go on from here."""
+    """State of a motion, from which it goes on."""
 
     reached_ns: int
     checkpoint: Checkpoint | None
@@ -112,7 +112,7 @@ class GrowingMotion(ABC):
 
     reached_ns: int
     end_ns: float
-    """Where it ends [ns]; infinite while that is not known."""
+    """Its end [ns]; infinite while that is not known."""
 
     stands: Stamps | None = None
     """Stamps (n,) [ns] of the poses of a robot that stands; None of a motion."""

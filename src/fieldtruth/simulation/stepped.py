@@ -105,7 +105,7 @@ class Driven:
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
-        """What the sensors are in."""
+        """World, light and weather in which the sensors read."""
         return sensor_world_of(self.experiment, self.world, self.scene, reuse=self.reuse)
 
     @cached_property
@@ -117,7 +117,7 @@ class Driven:
 def sensor_world_of(
     experiment: Experiment, world: World, scene: Scene | None = None, *, reuse: bool = False
 ) -> SensorWorld:
-    """Return what the sensors of an experiment are in."""
+    """Return the world, light and weather in which the sensors of an experiment read."""
     made = experiment
     return SensorWorld(world, made.rig, made.light, made.weather, scene=scene, seed=made.seed, reuse=reuse)
 
@@ -184,12 +184,12 @@ class Simulation:
     @property
     def world(self) -> World:
         """The world: terrain, objects, materials; ``world.terrain.field.height_at(x, y)`` is the ground [m]."""
-        return self._place().world
+        return self._built().world
 
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built when it is first used, and shared by all sensors."""
-        return self._place().scene
+        return self._built().scene
 
     @property
     def robot(self) -> SimulatedRobot:
@@ -234,11 +234,13 @@ class Simulation:
         track = track_in(self.world, self._experiment, self._given.track, advance)
         return Driven(self._experiment, self.world, track, scene=self._own_scene)
 
-    def _place(self) -> SensorWorld:
-        """Return what the sensors are in; the world is built at the first use."""
+    def _built(self) -> SensorWorld:
+        """Return the world with its scene and light; it is built at the first use."""
         if self._sensor_world is None:
             self._route = None
-            compile_beside(self._experiment)
+            read = {name.partition("/")[0] for name in self.wanted}
+            rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
+            compile_beside(self._experiment.model_copy(update={"rig": rig}))
             world = world_of(self._experiment) if self._own_world is None else self._own_world
             self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
         return self._sensor_world
@@ -358,7 +360,7 @@ class Simulation:
         if self._motion is None:
             self.reset()
         assert self._motion is not None
-        return self._place(), self._motion
+        return self._built(), self._motion
 
     def _sensor(self, sensor_world: SensorWorld, name: str) -> Sensor:
         if name not in self._sensors:

@@ -258,7 +258,7 @@ def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
 
 
 def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
-    """Which pixels (h, w) are the same, and whether all of them are to the last digit."""
+    """Return the mask (h, w) of pixels that are the same, and whether all of them are to the last digit."""
     same = bag.label == own.label
     if bag.instance is not None:
         same &= bag.instance == own.instance

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What lens and image sensor of a real camera make of light: vignetting, glare, blur, bloom, raw values, colours.
+"""Lens and image sensor of a real camera: vignetting, glare, blur, bloom, raw values, colours.
 
 The image sensor: from light on its pixels to raw values, and back to light in three channels. The model is that of EMVA
 Standard 1288, release 4.0, chapter 2: a raw value y has the mean K (mu_p + mu_d) and the variance K^2 sigma_d^2 + K^2

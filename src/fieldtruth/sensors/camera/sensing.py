@@ -354,7 +354,7 @@ _FAR: Final = 1e6  # [m], of the sky
 
 
 class Light(NamedTuple):
-    """What a camera with a signal develops: label images at the stamp, and how the light was metered.
+    """Light that a camera with a signal has collected: label images at the stamp, and how it was metered.
 
     The light itself is in a buffer of the camera. Without metering, the images have their photograph already.
     """
@@ -392,7 +392,8 @@ class Camera(IdealCamera):
         if signal is None:
             return
         self._signal, self._weather = signal, baked.weather
-        self._developer = Developer(config, signal, baked.scene.world.seed if seed is None else seed)
+        self._seed = baked.scene.world.seed if seed is None else seed
+        self._developer = Developer(config, signal, self._seed)
         h, w = config.height, config.width
         self._scratch = LabelBuffers(
             np.empty((h, w), np.uint8), np.empty((h, w), np.uint32), np.empty((h, w), np.float32)
@@ -448,7 +449,7 @@ class Camera(IdealCamera):
     def _in_front(self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> None:
         """Draw what falls before the camera while the shutter is open, and what is on its glass."""
         linear, signal, shape = self._framebuffer.linear, self._signal, (self.config.height, self.config.width)
-        seed, view, weather = self.scene.world.seed, imager.name, self._weather
+        seed, view, weather = self._seed, imager.name, self._weather
         if weather.rain_mm_h or weather.snow_mm_h:
             stamps = stamp_ns + np.rint(np.array([-0.5, 0.0, 0.5]) * time_s * 1e9).astype(np.int64)
             poses = world_from_base(np.maximum(stamps, 0)) @ imager.base_from_optical

@@ -26,7 +26,7 @@ class CameraSensor(Sensor):
 
     def __init__(self, config: CameraConfig, sensor_world: SensorWorld) -> None:
         super().__init__(config, sensor_world)
-        self._camera = Camera(config, sensor_world.baked, reuse=sensor_world.reuse)
+        self._camera = Camera(config, sensor_world.baked, reuse=sensor_world.reuse, seed=sensor_world.seed)
         self._views: dict[str, Imager] = {imager.side: imager for imager in config.imagers()}
 
     def truth(self, output: Output, at: At) -> Image | Light:
@@ -79,7 +79,7 @@ class CameraSensor(Sensor):
         return self._camera.flow(images, now, later, self._robot(imager))
 
     def _robot(self, imager: Imager) -> RobotView | None:
-        """What the view sees of the robot."""
+        """Return the robot as the view sees it; None if it does not."""
         parts = self.sensor_world.robot_parts
         if not parts:
             return None

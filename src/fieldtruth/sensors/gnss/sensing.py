@@ -50,7 +50,7 @@ from fieldtruth.core.geodesy import (
 )
 from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.controller import antenna_geodetic
-from fieldtruth.drive.track import STEP_NS, GnssFixes, GnssReadings, Motion, steps_at_rate
+from fieldtruth.drive.track import STEP_NS, Motion, Stamps, steps_at_rate
 from fieldtruth.kernels.gnss import LEAF, OPAQUE, OPEN, trace_paths
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.scene import Scene
@@ -366,7 +366,7 @@ class RtkStates:
 
 
 def in_use(sine: Array, ratio: Array, signal: GnssSignal) -> Mask:
-    """Which satellites (t, n) stand high enough and are strong enough."""
+    """Return the mask (t, n) of satellites that stand high enough and are strong enough."""
     above = sine > np.sin(np.radians(signal.elevation_mask_deg))
     used: Mask = above & np.isfinite(ratio) & (ratio >= signal.cn0_min_dbhz)
     return used
@@ -374,6 +374,36 @@ def in_use(sine: Array, ratio: Array, signal: GnssSignal) -> Mask:
 
 def _probability(per_hour: float, step_s: float) -> float:
     return float(-np.expm1(-per_hour * step_s / 3600.0))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GnssFixes:
+    """Measurements of a receiver; rows without a position have NaN there, and zeros in the covariance."""
+
+    geodetic: Array
+    """(n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
+    covariance: Array
+    """(n, 3, 3) of the position in east, north, up [m^2]; zeros without errors."""
+    status: Counts
+    """(n,) of sensor_msgs/NavSatStatus."""
+    service: int
+    """Satellite systems, of sensor_msgs/NavSatStatus."""
+    state: Counts
+    """(n,) of RTK: 0 alone, 1 float, 2 fixed."""
+    satellites: Counts
+    """(n,) satellites in use."""
+    dop: Array
+    """(n, 3): position, horizontal and vertical dilution of precision; NaN below four satellites."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GnssReadings:
+    """Position of the antenna: ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
+
+    stamps_ns: Stamps
+    geodetic: Array
+    fixes: GnssFixes | None = None
+    """Measurements of the receiver; None if it is ideal."""
 
 
 class GnssTruth:
@@ -405,7 +435,7 @@ AIDED: Final = 2
 
 
 class Sky(NamedTuple):
-    """What an antenna receives at t times of n satellites."""
+    """Signals of n satellites at an antenna, at t times."""
 
     directions: Array
     """Unit vectors (t, n, 3) in the world frame."""
@@ -431,7 +461,7 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
 
 
 class GnssErrors:
-    """What a receiver measures, fix by fix, so that fixes do not depend on how their series is cut.
+    """Fixes of a receiver with errors, one by one, so that they do not depend on how their series is cut.
 
     Args:
         config: the receiver.

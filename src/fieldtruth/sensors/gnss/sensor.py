@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from fieldtruth.core.readings import Fix
-from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssTruth
+from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssFixes, GnssReadings, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
 
 
@@ -22,7 +22,7 @@ class Gnss(MotionSensor):
     config: GnssConfig
 
     def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
-        """Return what readings have to go on from: true positions, and what a real receiver has measured."""
+        """Return the true positions and the errors of a real receiver, which go on as the motion grows."""
         config, seed = self.config, self.sensor_world.seed
         return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, seed)
 

@@ -28,7 +28,7 @@ attitude: the true one turned about the axes of the world by angles that are Gau
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -43,9 +43,31 @@ from fieldtruth.core.transforms import (
     wxyz_from_xyzw,
     xyzw_from_wxyz,
 )
-from fieldtruth.drive.track import STEP_NS, STEP_S, ImuReadings, Motion, steps_at_rate
+from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Stamps, steps_at_rate
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.sensors.imu.config import Axes, ImuConfig, ImuSignal
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuReadings:
+    """Readings in the IMU's frame (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards.
+
+    Reading k is the mean over the interval (begin, stamp k]: ``angular_velocity`` is the rotation vector from begin to
+    the stamp divided by the interval, and ``linear_acceleration`` the change of velocity, less that of gravity, divided
+    by the interval and expressed in its frame at the stamp. With ``sampling: mean`` the interval begins at the stamp
+    before, so that with R the attitude (3, 3) these two lines integrate without error::
+
+        R = R @ exp(angular_velocity * dt)
+        v = v + (R @ linear_acceleration - (0, 0, 9.81)) * dt
+
+    With ``sampling: instant`` the interval is one step of the physics. That of the first reading begins with the first
+    state.
+    """
+
+    stamps_ns: Stamps
+    quaternion_wxyz: Array  # (n, 4)
+    angular_velocity: Array  # (n, 3) [rad/s], in the IMU's frame
+    linear_acceleration: Array  # (n, 3) [m/s^2], specific force in the IMU's frame
 
 
 class ImuTruth:

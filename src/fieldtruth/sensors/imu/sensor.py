@@ -21,7 +21,7 @@ class Imu(MotionSensor):
     config: ImuConfig
 
     def begin(self) -> tuple[ImuTruth, ImuErrors | None]:
-        """Return what readings have to go on from: those of an ideal IMU, and the errors of a real one."""
+        """Return the readings of an ideal IMU and the errors of a real one, which go on as the motion grows."""
         config, rng = self.config, rng_of(self.sensor_world.seed, self.config.name)
         return ImuTruth(config), None if config.signal is None else ImuErrors(config.signal, config.rate_hz, rng)
 

@@ -165,7 +165,7 @@ class IdealLidar:
     The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
     nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
     the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
-    ``robot`` is what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+    ``robot`` is what it sees of the robot that carries it (``experiment.rig.visible_parts``).
     """
 
     def __init__(self, config: LidarConfig, scene: Scene, robot: Sequence[Box | Cylinder] = ()) -> None:
@@ -186,8 +186,8 @@ class IdealLidar:
 
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
-        begins have a pose between its pose and the next one, interpolated linearly. The stamp
-        matters to a LiDAR with a ``pattern`` only, and the number of the scan to one with a signal.
+        begins have a pose between its pose and the next one, interpolated linearly. The stamp matters to a LiDAR with
+        a ``pattern`` only, and the number of the scan to one with a signal.
 
         Raises:
             ValueError: another number of poses.
@@ -403,7 +403,7 @@ def beam_of(config: LidarConfig) -> Beam:
 
 
 class WeatherInAir:
-    """Changes the echoes of a LiDAR's scans as the weather does; see ``measuring.InAir``. Threads may share it."""
+    """Changes the echoes of a LiDAR's scans as the weather does; see ``InAir``. Threads may share it."""
 
     def __init__(self, config: LidarConfig, weather: WeatherConfig, lowest: float = 0.0) -> None:
         """``lowest`` is the height [m] of the lowest ground, where fog that thins with height is densest."""
@@ -474,9 +474,10 @@ class Lidar(IdealLidar):
     Args:
         config: with or without a signal.
         scene: what it sees.
-        robot: what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+        robot: what it sees of the robot that carries it (``experiment.rig.visible_parts``).
         weather: what is in the air.
         in_air: instead of the weather, what the air does to echoes.
+        seed: of the noise; None takes that of the world.
     """
 
     def __init__(
@@ -487,6 +488,7 @@ class Lidar(IdealLidar):
         weather: WeatherConfig | None = None,
         *,
         in_air: InAir | None = None,
+        seed: int | None = None,
     ) -> None:
         super().__init__(config, scene, robot)
         signal = config.signal
@@ -495,6 +497,7 @@ class Lidar(IdealLidar):
         if in_air is None and weather is not None and not weather.is_clear:
             in_air = WeatherInAir(config, weather, float(scene.world.terrain.surface.heights.min()))
         self._receiver, self._in_air = receiver_of(signal), in_air
+        self._seed = scene.world.seed if seed is None else seed
         self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
         self._coherent = new_packet(coherent=True)
         self._tables = scene.hits, surface_table(scene)
@@ -554,5 +557,5 @@ class Lidar(IdealLidar):
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _key(self, number: int) -> np.uint64:
-        """Key of what a scan draws: it depends on the experiment's seed, the LiDAR's name and the scan's number."""
-        return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
+        """Key of what a scan draws: it depends on the seed, the LiDAR's name and the scan's number."""
+        return rng_of(self._seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)

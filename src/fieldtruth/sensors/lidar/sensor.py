@@ -23,7 +23,8 @@ class LidarSensor(Sensor):
 
     def __init__(self, config: LidarConfig, sensor_world: SensorWorld) -> None:
         super().__init__(config, sensor_world)
-        self._lidar = Lidar(config, sensor_world.scene, sensor_world.robot_parts, sensor_world.weather)
+        made = sensor_world
+        self._lidar = Lidar(config, made.scene, made.robot_parts, made.weather, seed=made.seed)
         self._sweep_ns = sweep_times_ns(config)
 
     def truth(self, output: Output, at: At) -> Cloud | Traced:

@@ -94,10 +94,13 @@ class WheelOdometryConfig(SensorConfig):
 
     def notes(self, named: str) -> list[str]:
         """Return what the error of its odometry is."""
+        of, driver = "is exact in what it measures, the angles of the wheels: all", "are the constants"
+        if self.signal is not None:
+            of = "adds up the angles that its encoders read, errors included: the rest"
+            driver = "are those of these errors, added to the constants"
         return [
-            f"Wheel odometry (`{self.topic}`) is exact in what it measures, the angles of the wheels: all "
-            "of its error is slip and\n  skidding. Its covariances are the constants of a real Husky's driver. The "
-            "frame `odom` is not in `/tf`."
+            f"Wheel odometry (`{self.topic}`) {of} of its error is slip and\n  skidding. "
+            f"Its covariances {driver} of a real Husky's driver. The frame `odom` is not in `/tf`."
         ]
 
     def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:

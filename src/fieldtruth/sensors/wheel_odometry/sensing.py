@@ -28,7 +28,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import skid_compensation
-from fieldtruth.drive.track import STEP_NS, Stamps, TachometerReadings, WheelMotion, WheelOdometry, steps_at_rate
+from fieldtruth.drive.track import STEP_NS, Stamps, WheelMotion, steps_at_rate
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig, WheelSignal
 
@@ -42,6 +42,18 @@ def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
     """Advance (n,) [m] and turn (n,) [rad] of the robot for the angles (n, m) [rad] by which its wheels turn."""
     left, right = (wheels.radius * turned[:, side::2].mean(axis=1) for side in (0, 1))
     return (left + right) / 2, (right - left) / effective_track(wheels)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelOdometry:
+    """Dead reckoning from the angles of the wheels; units and columns as in ``WheelMotion``."""
+
+    stamps_ns: Stamps
+    wheels: WheelMotion
+    pose: Array
+    """(n, 3): x, y [m] and yaw [rad] of base_link in the frame odom, which is base_link's at time 0."""
+    twist: Array
+    """(n, 2): mean forward speed [m/s] and turn rate [rad/s] since the reading before."""
 
 
 class DeadReckoning:
@@ -65,6 +77,14 @@ class DeadReckoning:
             self._angle, self._stamp_ns, self._pose = wheels.angle[-1:].copy(), int(stamps_ns[-1]), pose[-1:].copy()
         twist = np.column_stack([forward, turn]) / seconds[:, None]
         return WheelOdometry(stamps_ns=stamps_ns, wheels=wheels, pose=pose, twist=twist)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TachometerReadings:
+    """Angular speed of each wheel (n, wheels) [rad/s], positive forwards."""
+
+    stamps_ns: Stamps
+    wheel_speed: Array
 
 
 class TrueWheels(NamedTuple):

@@ -25,7 +25,7 @@ class Wheels(MotionSensor):
     config: WheelOdometryConfig
 
     def begin(self) -> tuple[WheelTruth, WheelErrors | None]:
-        """Return what readings have to go on from: those of ideal encoders, and the errors of real ones."""
+        """Return the readings of ideal encoders and the errors of real ones, which go on as the motion grows."""
         config, wheels = self.config, self.sensor_world.rig.wheels
         rng = rng_of(self.sensor_world.seed, config.name)
         errors = None if config.signal is None else WheelErrors(wheels, config.signal, rng)
