@@ -108,6 +108,8 @@ def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
         ("slim: 0.8", "slim: thin", r"rowan\.yaml: stand: slim must be a valid number.*got 'thin'"),
         ("label: treetop", "label: leaf", r"materials\.leaf_rowan: label must be one of .* got 'leaf'"),
         ("pairs: 12", "pears: 12", r"textures\.leaf_rowan: veined_leaf: .*pears"),
+        ("pairs: 12", "pairs: twelve", r"textures\.leaf_rowan: veined_leaf: pairs must be a valid number.*got 'twelve'"),
+        ("[66, 90, 42]", "[66, 90]", r"textures\.leaf_rowan: veined_leaf: tones\.0\.2 is missing"),
         ("draw: smooth_bark", "draw: smoth_bark", r"textures\.bark_rowan: unknown drawing 'smoth_bark'; did you mean"),
         ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
         ("  bark_rowan: {label", "  bark_lime: {label", r"materials\.bark_lime is already defined in .*lime\.yaml"),
@@ -127,6 +129,23 @@ def test_mistake_in_a_species_is_reported_with_file_key_and_value(
         TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"].replace(old, new, 1)))
     assert "rowan" not in TREES
     assert "bark_rowan" not in MATERIALS
+
+
+@pytest.mark.parametrize(
+    ("drawing", "same"),
+    [
+        ("velvet, tones: [[58, 38, 26], [86, 58, 38], [112, 80, 54]]", "spike_cattail"),
+        ("opal_glass", "glass"),
+        ("murky_water", "water"),
+    ],
+)
+def test_drawings_by_their_names_in_earlier_files_are_the_same(tmp_path: Path, drawing: str, same: str) -> None:
+    entry = f"{{draw: {drawing}, albedo: {list(TEXTURES[same].albedo)}}}"
+    text = EXAMPLES["rowan"].replace("textures:\n", f"textures:\n  earlier: {entry}\n")
+    TREES.add(write(tmp_path, "rowan", text))
+    found = TEXTURES["earlier"]
+    TREES.remove("rowan")
+    assert found == TEXTURES[same]
 
 
 def test_name_in_use_is_rejected(tmp_path: Path) -> None:
