@@ -108,7 +108,7 @@ def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
         ("slim: 0.8", "slim: thin", r"rowan\.yaml: stand: slim must be a valid number.*got 'thin'"),
         ("label: treetop", "label: leaf", r"materials\.leaf_rowan: label must be one of .* got 'leaf'"),
         ("pairs: 12", "pears: 12", r"textures\.leaf_rowan: veined_leaf: .*pears"),
-        ("pairs: 12", "pairs: twelve", r"textures\.leaf_rowan: veined_leaf: pairs must be a valid number.*got 'twelve'"),
+        ("pairs: 12", "pairs: twelve", r"leaf_rowan: veined_leaf: pairs must be a valid number.*got 'twelve'"),
         ("[66, 90, 42]", "[66, 90]", r"textures\.leaf_rowan: veined_leaf: tones\.0\.2 is missing"),
         ("draw: smooth_bark", "draw: smoth_bark", r"textures\.bark_rowan: unknown drawing 'smoth_bark'; did you mean"),
         ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
@@ -146,6 +146,35 @@ def test_drawings_by_their_names_in_earlier_files_are_the_same(tmp_path: Path, d
     found = TEXTURES["earlier"]
     TREES.remove("rowan")
     assert found == TEXTURES[same]
+
+
+def stool(part: str) -> str:
+    return f"furniture: {{stool: {{footprint: 1, colliders: [], parts: [{{{part}}}]}}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (
+            stool("shape: box, material: bench_wood, size: [1, 2]"),
+            r"rowan\.yaml: furniture\.stool: parts\.0: box must have size .*, got 0 points, size \[1\.0, 2\.0\]",
+        ),
+        (
+            stool("parts: [{shape: lathe, material: bench_wood, points: [[0, 0, 1], [1, 0, 1]]}]"),
+            r"furniture\.stool: parts\.0\.parts\.0: lathe must have points \(radius, height\), got 2 points",
+        ),
+        (
+            stool("shape: slats, material: bench_wood, points: [[0, 0], [1, 0]], size: [1, 1, 0]"),
+            "and count, got .* count 0",
+        ),
+        (stool("shape: ball, material: bench_wod, size: [1]"), r"parts\.0: unknown material 'bench_wod'; did you mean"),
+        (stool("at: [1, 2, 3, 4]"), r"parts\.0: a pose must have 2, 3 or 6 numbers, got \[1\.0, 2\.0, 3\.0, 4\.0\]"),
+        (stool("shape: cone"), r"furniture\.stool: parts\.0\.shape must be 'box', .*got 'cone'"),
+    ],
+)
+def test_mistake_in_furniture_is_reported_with_file_and_part(tmp_path: Path, section: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"] + section))
 
 
 def test_name_in_use_is_rejected(tmp_path: Path) -> None:
