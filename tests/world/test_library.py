@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A species or a rock type is one file: the examples of docs/extending.md work, and mistakes are reported."""
 
+import os
 import re
 import subprocess
 import sys
@@ -169,10 +170,16 @@ def stool(part: str) -> str:
         ),
         (stool("shape: ball, material: bench_wod, size: [1]"), r"parts\.0: unknown material 'bench_wod'; did you mean"),
         (stool("at: [1, 2, 3, 4]"), r"parts\.0: a pose must have 2, 3 or 6 numbers, got \[1\.0, 2\.0, 3\.0, 4\.0\]"),
+        (
+            "litter: {paving: {patches: [{per_m2: -1, items: []}]}}",
+            r"litter\.paving\.patches\[0\]: per_m2 must be greater",
+        ),
+        ("seasons: {leaf_rowan: {dry: {kept: 1}}}", r"rowan\.yaml: seasons\.leaf_rowan\.dry: colours is missing"),
+        ("seasons: {leaf_rowan: {dry: 1}}", r"seasons\.leaf_rowan\.dry: must be a dictionary"),
         (stool("shape: cone"), r"furniture\.stool: parts\.0\.shape must be 'box', .*got 'cone'"),
     ],
 )
-def test_mistake_in_furniture_is_reported_with_file_and_part(tmp_path: Path, section: str, message: str) -> None:
+def test_mistake_in_a_section_is_reported_with_file_and_key(tmp_path: Path, section: str, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"] + section))
 
@@ -180,6 +187,15 @@ def test_mistake_in_furniture_is_reported_with_file_and_part(tmp_path: Path, sec
 def test_name_in_use_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"the name 'oak' is already used by .*oak\.yaml"):
         TREES.add(write(tmp_path, "oak", EXAMPLES["rowan"]))
+
+
+def test_unknown_section_of_a_file_of_materials_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "materials").mkdir()
+    write(tmp_path / "materials", "mine", "texture: {}\n")
+    code = "from fieldtruth.world.materials import MATERIALS; list(MATERIALS)"
+    environment = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert "mine.yaml: unknown section 'texture'; did you mean 'textures'?" in done.stderr
 
 
 def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.experiment.fields import Positive
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
@@ -190,17 +191,17 @@ class Item:
 
     shape: str
     material: str
-    sizes: tuple[float, float]
-    per_m2: float
+    sizes: tuple[Positive, Positive]
+    per_m2: Positive
 
 
 @dataclass(frozen=True)
 class Cover:
     """Patches of items on a type of ground."""
 
-    per_m2: float
+    per_m2: Positive
     items: tuple[Item, ...]
-    radius: float = 0.2  # [m]
+    radius: Positive = 0.2  # [m]
     where: Literal["everywhere", "under trees", "at edges"] = "everywhere"
 
 

@@ -7,6 +7,7 @@ group of plants (``PlantGroup``) and what each swarm is like (``SwarmForm``); th
 grow. The key ``plants`` of a layout names other species for a group.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -85,6 +86,10 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
         known = list(_LIBRARIES[group.form])  # names: no species is read
         for unknown in (each for each in group.species if each not in known):
             raise ConfigurationError(f"{path}: groups.{key}: unknown species {unknown!r}; {suggestion(unknown, known)}")
+        if not group.species and group.heights is None:
+            raise ConfigurationError(f"{path}: groups.{key}: species or heights is missing")
+        if set(re.findall(r"{.*?}|[{}]", group.name)) - {"{species}", "{k}"}:
+            raise ConfigurationError(f"{path}: groups.{key}: name may have {{species}} and {{k}}, got {group.name!r}")
     return planting
 
 
