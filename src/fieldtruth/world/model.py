@@ -385,6 +385,12 @@ class Raster:
         return np.asarray(low * (1 - fu) + high * fu)
 
 
+def node_axes(grid: Heightfield | Raster) -> tuple[Array, Array]:
+    """Coordinates [m] along x and along y of a grid's nodes."""
+    nx, ny = (grid.heights if isinstance(grid, Heightfield) else grid.values).shape[:2]
+    return grid.x0 + grid.spacing * np.arange(nx), grid.y0 + grid.spacing * np.arange(ny)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Terrain:
     """The ground. ``trail_distance`` [m] is signed: below 0 inside a trail. The class is trail there, ground elsewhere.

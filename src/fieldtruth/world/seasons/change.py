@@ -21,7 +21,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import tidied
 from fieldtruth.world.grids import fractal_noise, grid_axes, make_raster
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, node_axes
 from fieldtruth.world.placement import make_swarm, random_scales, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_clump
 from fieldtruth.world.seasons import SUMMER, USUAL, Change, changes, tinted
@@ -63,8 +63,7 @@ def snowed_in(world: World, depth: float) -> World:
     None lies on ground steeper than ``SLIDES``, below roofs, and in water.
     """
     terrain = world.terrain
-    field, (nx, ny) = terrain.field, terrain.field.heights.shape
-    x, y = (start + field.spacing * np.arange(n, dtype=np.float64) for start, n in ((field.x0, nx), (field.y0, ny)))
+    field, (x, y) = terrain.field, node_axes(terrain.field)
     rng = np.random.default_rng([world.seed, 44])
     drift = 1 + sum(
         deviation * fractal_noise(x, y, wavelength=length, octaves=3, rng=rng).clip(-2, 2)

@@ -28,7 +28,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh, node_axes
 from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import unit
@@ -55,9 +55,8 @@ Surface = tuple[Float32Array, Float32Array, Float32Array, NDArray[np.int32]]
 def hidden_twigs(wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.random.Generator) -> Surface:
     """Vertices, normals, uv and faces of pointed three-sided twigs to leaves that are ``gone``.
 
-    ``wood`` (f, 3, 3) [m] are the triangles of the drawn stems, ``leaves`` (n, 3) [m] positions of leaves of a
-    length ``leaf`` [m]. Numbers are drawn for
-    all leaves, so that a twig is the same in each season.
+    ``wood`` (f, 3, 3) [m] are the triangles of the drawn stems, ``leaves`` (n, 3) [m] positions of leaves of a length
+    ``leaf`` [m]. Numbers are drawn for all leaves, so that a twig is the same in each season.
     """
     chance, length, bow = (
         rng.random(len(leaves)),
@@ -321,7 +320,7 @@ def strewn(
     """The terrain with leaves mixed into its cover, and the materials for it; kinds of ground stay the same."""
     cover = terrain.cover
     nx, ny = cover.values.shape[:2]
-    nodes = (cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny))
+    nodes = node_axes(cover)
     x, y = np.meshgrid(*nodes, indexing="ij")
     share = np.sum([fall.density.at(x, y) for fall in falls], axis=0)
     size = (cover.spacing * (nx - 1), cover.spacing * (ny - 1))
