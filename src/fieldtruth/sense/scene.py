@@ -120,7 +120,7 @@ class Scene:
         water: bool = True,
         workers: int | None = None,
     ) -> Mask:
-        """Whether anything blocks each ray (n,): along ``directions`` up to ``max_range``, or before ``targets``.
+        """Mask of the rays (n,) that something blocks: along ``directions`` up to ``max_range``, or before ``targets``.
 
         It is faster than ``cast``, because any hit will do. Arguments are those of ``cast``, and:
 
