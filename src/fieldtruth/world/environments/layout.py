@@ -26,7 +26,7 @@ from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec
 from fieldtruth.world.plants.deadwood import grow_snag
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
-from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrassSpecies, GrownIn, Species
+from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrownIn, heights_of
 from fieldtruth.world.plants.trees import grow_bush, grow_tree
 from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 
@@ -95,13 +95,6 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
 
 PLANTINGS: Final = Library("environments", _planting, lambda _: ())
 """Plants and corridors by environment, one data file each."""
-
-
-def heights_of(kind: Species | GrassSpecies, height: float, grown_in: GrownIn) -> tuple[float, float]:
-    """Least and greatest height [m] that a species can have, by the habit that it has at ``height``."""
-    if isinstance(kind, GrassSpecies):
-        return 0.5 * kind.height[0], 1.5 * kind.height[1]
-    return 0.5 * kind.habit(height, grown_in).height, 2.0 * kind.habit(height, grown_in).height
 
 
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
