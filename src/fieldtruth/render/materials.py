@@ -340,7 +340,5 @@ def _field(rng: np.random.Generator, shape: tuple[int, ...], width: float, sigma
     white = rng.standard_normal(shape, dtype=np.float32)
     if width < 0.5:
         return np.zeros(shape)
-    gain = max(
-        np.sqrt(np.pi) * width, 1.0
-    )  # a Gaussian of deviation s lowers that of white noise to 1 / (2 sqrt(pi) s)
+    gain = max(np.sqrt(np.pi) * width, 1.0)  # a Gaussian of deviation s divides that of white noise by 2 sqrt(pi) s
     return np.asarray(sigma * gain * gaussian_filter(white, width / 2, mode="wrap"))

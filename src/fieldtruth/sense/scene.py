@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ray-tracing scene that all sensors share: the world in Embree, the classes of its hits, and rays for anybody.
+"""The ray-tracing scene that all sensors share: the world in Embree, the classes of its hits, and rays of a user.
 
 A ray that enters the box of an instance is transformed into its frame and starts at the top of its hierarchy. Below a
 canopy it would do so at every tree whose crown is above it, so that meshes such as trees are two instances, trunk and

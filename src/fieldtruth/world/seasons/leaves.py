@@ -40,8 +40,7 @@ MOST_TWIGS: Final = 20_000
 """Twigs of a mesh."""
 COLOUR: Final = (0.105, 0.076, 0.058)
 """Albedo of young bark, which is brown and smooth in all species; even that of birches."""
-LONGEST: Final = 1.1
-"""[m]"""
+LONGEST: Final = 1.1  # [m]
 SLIM: Final = 0.006
 """Radius of a twig at its base relative to its length."""
 THINNEST: Final = 0.022
@@ -260,7 +259,7 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
     )
 
 
-NAME: Final = "fallen_leaves"
+FALLEN: Final = "fallen_leaves"
 """Material of the ground where leaves lie close, kind of the swarm; ``kept`` of it scales the number of leaves."""
 FALL: Final = "autumn"
 """Season in which leaves fall."""
@@ -335,8 +334,8 @@ def strewn(
             values[0] = values[0].copy()
             values[0][..., row] -= leaves
             values.append(leaves[..., None])
-            names.append(f"{NAME}_on_{name}")
-            new[names[-1]] = replace(MATERIALS[NAME], name=names[-1], ground_type=MATERIALS[name].ground_type)
+            names.append(f"{FALLEN}_on_{name}")
+            new[names[-1]] = replace(MATERIALS[FALLEN], name=names[-1], ground_type=MATERIALS[name].ground_type)
     cover = replace(cover, values=np.concatenate(values, axis=-1))
     return replace(terrain, cover=cover, ground_materials=tuple(names)), new
 
@@ -349,7 +348,7 @@ def lay_leaves(
     They have the colours of ``FALL``, in later seasons nearly all brown.
     """
     rng, autumn = np.random.default_rng([world.seed, 42]), changes(FALL)
-    most, rot = MOST_LEAVES * changes(season).get(NAME, Change()).kept, ROT if season == FALL else OLD
+    most, rot = MOST_LEAVES * changes(season).get(FALLEN, Change()).kept, ROT if season == FALL else OLD
     materials, parts = dict[str, Material](), []
     for fall in falls:
         xy = _positions(world, fall.density, most, rng)
@@ -364,9 +363,9 @@ def lay_leaves(
     meshes = []
     for number, key in enumerate(np.unique(tile, axis=0)):
         own = (tile == key).all(axis=1)
-        meshes.append(_mesh(f"{NAME}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
+        meshes.append(_mesh(f"{FALLEN}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
     poses = np.tile(np.eye(4), (len(meshes), 1, 1))
-    return make_swarm(NAME, NAME, meshes, poses, None), meshes, materials
+    return make_swarm(FALLEN, FALLEN, meshes, poses, None), meshes, materials
 
 
 def _positions(world: World, density: Raster, most: float, rng: np.random.Generator) -> Array:
