@@ -156,6 +156,9 @@ class Section(Mapping[str, T]):
         path, entry = _section(self._name)[name]
         return self._read(name, entry, f"{path}: {self._name}.{name}")
 
+    def __contains__(self, name: object) -> bool:
+        return name in _section(self._name)  # reads no entry
+
     def __iter__(self) -> Iterator[str]:
         return iter(dict.fromkeys((*self._first, *_section(self._name))))
 
