@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A species or a rock type is one file: the examples of docs/extending.md work, and mistakes are reported."""
 
+import os
 import re
 import subprocess
 import sys
@@ -108,6 +109,8 @@ def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
         ("slim: 0.8", "slim: thin", r"rowan\.yaml: stand: slim must be a valid number.*got 'thin'"),
         ("label: treetop", "label: leaf", r"materials\.leaf_rowan: label must be one of .* got 'leaf'"),
         ("pairs: 12", "pears: 12", r"textures\.leaf_rowan: veined_leaf: .*pears"),
+        ("pairs: 12", "pairs: twelve", r"leaf_rowan: veined_leaf: pairs must be a valid number.*got 'twelve'"),
+        ("[66, 90, 42]", "[66, 90]", r"textures\.leaf_rowan: veined_leaf: tones\.0\.2 is missing"),
         ("draw: smooth_bark", "draw: smoth_bark", r"textures\.bark_rowan: unknown drawing 'smoth_bark'; did you mean"),
         ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
         ("  bark_rowan: {label", "  bark_lime: {label", r"materials\.bark_lime is already defined in .*lime\.yaml"),
@@ -129,9 +132,70 @@ def test_mistake_in_a_species_is_reported_with_file_key_and_value(
     assert "bark_rowan" not in MATERIALS
 
 
+@pytest.mark.parametrize(
+    ("drawing", "same"),
+    [
+        ("velvet, tones: [[58, 38, 26], [86, 58, 38], [112, 80, 54]]", "spike_cattail"),
+        ("opal_glass", "glass"),
+        ("murky_water", "water"),
+    ],
+)
+def test_drawings_by_their_names_in_earlier_files_are_the_same(tmp_path: Path, drawing: str, same: str) -> None:
+    entry = f"{{draw: {drawing}, albedo: {list(TEXTURES[same].albedo)}}}"
+    text = EXAMPLES["rowan"].replace("textures:\n", f"textures:\n  earlier: {entry}\n")
+    TREES.add(write(tmp_path, "rowan", text))
+    found = TEXTURES["earlier"]
+    TREES.remove("rowan")
+    assert found == TEXTURES[same]
+
+
+def stool(part: str) -> str:
+    return f"furniture: {{stool: {{footprint: 1, colliders: [], parts: [{{{part}}}]}}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (
+            stool("shape: box, material: bench_wood, size: [1, 2]"),
+            r"rowan\.yaml: furniture\.stool: parts\.0: box must have size .*, got 0 points, size \[1\.0, 2\.0\]",
+        ),
+        (
+            stool("parts: [{shape: lathe, material: bench_wood, points: [[0, 0, 1], [1, 0, 1]]}]"),
+            r"furniture\.stool: parts\.0\.parts\.0: lathe must have points \(radius, height\), got 2 points",
+        ),
+        (
+            stool("shape: slats, material: bench_wood, points: [[0, 0], [1, 0]], size: [1, 1, 0]"),
+            "and count, got .* count 0",
+        ),
+        (stool("shape: ball, material: bench_wod, size: [1]"), r"parts\.0: unknown material 'bench_wod'; did you mean"),
+        (stool("at: [1, 2, 3, 4]"), r"parts\.0: a pose must have 2, 3 or 6 numbers, got \[1\.0, 2\.0, 3\.0, 4\.0\]"),
+        (
+            "litter: {paving: {patches: [{per_m2: -1, items: []}]}}",
+            r"litter\.paving\.patches\[0\]: per_m2 must be greater",
+        ),
+        ("seasons: {leaf_rowan: {dry: {kept: 1}}}", r"rowan\.yaml: seasons\.leaf_rowan\.dry: colours is missing"),
+        ("seasons: {leaf_rowan: {dry: 1}}", r"seasons\.leaf_rowan\.dry: must be a dictionary"),
+        (stool("shape: cone"), r"furniture\.stool: parts\.0\.shape must be 'box', .*got 'cone'"),
+    ],
+)
+def test_mistake_in_a_section_is_reported_with_file_and_key(tmp_path: Path, section: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"] + section))
+
+
 def test_name_in_use_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"the name 'oak' is already used by .*oak\.yaml"):
         TREES.add(write(tmp_path, "oak", EXAMPLES["rowan"]))
+
+
+def test_unknown_section_of_a_file_of_materials_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "materials").mkdir()
+    write(tmp_path / "materials", "mine", "texture: {}\n")
+    code = "from fieldtruth.world.materials import MATERIALS; list(MATERIALS)"
+    environment = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    assert "mine.yaml: unknown section 'texture'; did you mean 'textures'?" in done.stderr
 
 
 def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:

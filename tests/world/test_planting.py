@@ -58,6 +58,21 @@ def test_mistakes_in_a_layout_are_said(plants: dict[str, list[str]], message: st
         check_layout("park", {"plants": plants})
 
 
+@pytest.mark.parametrize(
+    ("group", "message"),
+    [
+        ("{form: tree, name: tree}", "species or heights is missing"),
+        ('{form: tree, name: "{kind}", heights: 3}', "name may have {species} and {k}, got '{kind}'"),
+        ("{form: tree, name: tree, species: {limes: 3}}", "unknown species 'limes'; did you mean 'lime'"),
+    ],
+)
+def test_mistakes_in_a_file_of_plants_are_said(tmp_path: Path, group: str, message: str) -> None:
+    path = tmp_path / "meadow.yaml"
+    path.write_text(f"groups: {{trees: {group}}}\nswarms: {{}}\n")
+    with pytest.raises(ConfigurationError, match=re.escape(f"{path}: groups.trees: {message}")):
+        PLANTINGS.add(path)
+
+
 def test_a_species_that_is_not_listed_is_as_high_as_it_can_be() -> None:
     meshes = Planter("park", {"bed_grass": ["anemone"]}).grow("bed_grass", np.random.default_rng(0))
     highest = 1.5 * GRASSES["anemone"].height[1]

@@ -16,9 +16,9 @@ from fieldtruth.world.rocks import (
     broken,
     corner_normals,
     geodesic,
-    lay_rock,
     make_rock,
     rim_vertices,
+    rock_pose,
     scatter_rocks,
     worn_radius,
 )
@@ -134,13 +134,12 @@ def test_normals_are_shared_below_the_crease_angle_only() -> None:
 @pytest.mark.parametrize("slope_deg", [0.0, 20.0, 35.0])
 def test_rim_of_a_rock_on_a_slope_is_in_the_ground(rock: Mesh, slope_deg: float) -> None:
     """The rim is in the ground, the top is not, and the rock is inclined with the slope."""
-    builder = WorldBuilder(inclined(slope_deg), (10.0, 10.0), (), ())
-    instance = lay_rock(builder, "rock", rock, (0.3, -0.4), yaw=1.0, scale=1.2)
-    pose = instance.world_from_object
+    field = inclined(slope_deg)
+    pose = rock_pose(field, rock, 0.3, -0.4, 1.0, 1.2)
     rim = rim_vertices(rock) @ pose[:3, :3].T + pose[:3, 3]
-    assert np.all(rim[:, 2] < builder.field.height_at(rim[:, 0], rim[:, 1]) - 0.02)
+    assert np.all(rim[:, 2] < field.height_at(rim[:, 0], rim[:, 1]) - 0.02)
     whole = rock.vertices.astype(float) @ pose[:3, :3].T + pose[:3, 3]
-    assert (whole[:, 2] - builder.field.height_at(whole[:, 0], whole[:, 1])).max() > 0.15
+    assert (whole[:, 2] - field.height_at(whole[:, 0], whole[:, 1])).max() > 0.15
     lean = np.degrees(np.arccos(pose[2, 2] / 1.2))
     assert lean == pytest.approx(np.degrees(np.arctan(0.75 * np.tan(np.radians(slope_deg)))), abs=0.5)
 

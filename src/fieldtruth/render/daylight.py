@@ -185,7 +185,7 @@ def _cloud_sun(clouds: Clouds | None, sun: Array, size: tuple[float, float]) -> 
 
 
 class Sky(NamedTuple):
-    """All that shapes the dome."""
+    """The air and clouds that make the dome."""
 
     clear: Clear
     light: CloudLight

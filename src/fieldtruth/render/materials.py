@@ -28,7 +28,7 @@ from fieldtruth.kernels.baking import RELIEF_STEPS, fill_in_light, fill_terms, s
 from fieldtruth.kernels.light import MaterialTable
 from fieldtruth.kernels.textures import LEVELS, SUN_ONE, TERMS, Atlas, Relief, linear_from_srgb, srgb_from_linear
 from fieldtruth.sense.scene import grid_of
-from fieldtruth.world.model import Heightfield, Terrain, World
+from fieldtruth.world.model import Heightfield, Terrain, World, node_axes
 from fieldtruth.world.textures.canvas import halve
 
 WATER: Final = 1.33
@@ -134,11 +134,8 @@ def solid_surface(terrain: Terrain) -> Heightfield:
 
 def _mean_heights(terrain: Terrain, field: Heightfield) -> Array:
     """Height [m] of a field without its relief, (nx, ny, 1) at the cover's nodes."""
-    cover = terrain.cover
     smooth = replace(field, heights=gaussian_filter(field.heights, MEAN_OVER / field.spacing, mode="nearest"))
-    nx, ny = cover.values.shape[:2]
-    x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)
-    return smooth.height_at(*np.meshgrid(x, y, indexing="ij"))[..., None]
+    return smooth.height_at(*np.meshgrid(*node_axes(terrain.cover), indexing="ij"))[..., None]
 
 
 def _ground(terrain: Terrain, rows: list[int], mean: Float32Array) -> tuple[Float32Array, NDArray[np.uint8]]:
@@ -332,9 +329,8 @@ def ground_wear(terrain: Terrain, rgb: NDArray[np.floating], seed: int) -> Array
     bright, dry = np.sum(fields, axis=1)
     green = np.clip(6.0 * (rgb[..., 1] / np.maximum(rgb.mean(axis=-1), 1e-6) - 1.05), 0.0, 1.0)
     colour = np.exp(bright[..., None] + (green * dry)[..., None] * np.array(DRYNESS))
-    x = terrain.cover.x0 + spacing * np.arange(shape[0])
-    y = terrain.cover.y0 + spacing * np.arange(shape[1])
-    inside = np.clip(-terrain.trail_distance.at(*np.meshgrid(x, y, indexing="ij")) / 0.6, 0.0, 1.0)
+    nodes = np.meshgrid(*node_axes(terrain.cover), indexing="ij")
+    inside = np.clip(-terrain.trail_distance.at(*nodes) / 0.6, 0.0, 1.0)
     trail = np.exp(bright + dry * 0.5 + LANES * (inside - 0.5))
     return np.concatenate([colour, trail[..., None]], axis=-1)
 
@@ -344,7 +340,5 @@ def _field(rng: np.random.Generator, shape: tuple[int, ...], width: float, sigma
     white = rng.standard_normal(shape, dtype=np.float32)
     if width < 0.5:
         return np.zeros(shape)
-    gain = max(
-        np.sqrt(np.pi) * width, 1.0
-    )  # a Gaussian of deviation s lowers that of white noise to 1 / (2 sqrt(pi) s)
+    gain = max(np.sqrt(np.pi) * width, 1.0)  # a Gaussian of deviation s divides that of white noise by 2 sqrt(pi) s
     return np.asarray(sigma * gain * gaussian_filter(white, width / 2, mode="wrap"))

@@ -80,7 +80,7 @@ def wire_table(scene: Scene, materials: MaterialTable) -> WireTable:
 
 
 def shading_of(scene: Scene, light: LightTable, materials: MaterialTable, air: AirTable) -> Shading:
-    """All that shading needs of a scene, without the second rays of water, and with an exposure of 1."""
+    """Tables of a scene for shading, without the second rays of water, and with an exposure of 1."""
     snow = snow_table(scene.world.terrain)
     return Shading(
         scene=scene.rays.handle,

@@ -110,7 +110,7 @@ _FINE: Final = 100  # steps of a pulse
 
 
 class Beam(NamedTuple):
-    """What the air needs to know of a LiDAR."""
+    """The beam of a LiDAR, as far as air acts on it."""
 
     wavelength_nm: float
     width_m: float

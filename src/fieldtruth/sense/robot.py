@@ -1,11 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What LiDARs and cameras see of the robot that carries them: the same in each scan and image, as both move together.
+"""The robot in the scans and images of its own sensors: the same in each, as both move together.
 
-Its boxes and cylinders are intersected exactly, in double precision and in base_link.
-They are convex, so that a ray is inside one between where it enters and where it leaves: a box is the intersection of
-three slabs (Kay and Kajiya 1986), a cylinder that of a slab and an endless cylinder. A part that contains the ray's
-origin is not met, so that no sensor sees the inside of what it is built into.
+Its boxes and cylinders are intersected exactly, in double precision and in base_link; see ``kernels.robot``.
 """
 
 from collections.abc import Sequence
@@ -82,7 +79,7 @@ EDGE_SAMPLES: Final = 4
 
 
 class RobotView(NamedTuple):
-    """What a view sees of the robot. Threads may share it."""
+    """The robot in a view. Threads may share it."""
 
     table: Array  # of part_table
     optical_from_base: Array
@@ -94,7 +91,7 @@ class RobotView(NamedTuple):
 
 
 def robot_views(rig: Rig) -> dict[str, RobotView]:
-    """What the views of a rig's cameras see of its robot, by name of the view; empty unless ``rig.visible``."""
+    """The robot in the views of a rig's cameras, by name of the view; empty unless ``rig.visible``."""
     table = part_table(visible_parts(rig))
     return {imager.name: robot_view(table, imager) for imager in rig.imagers} if len(table) else {}
 
@@ -132,7 +129,7 @@ def robot_view(table: Array, imager: Imager) -> RobotView:
 
 
 class _Points(NamedTuple):
-    """What rays meet: face (n,), depth (n,) [m], point and normal (n, 3) in base_link."""
+    """Hits of rays on the robot: face (n,), depth (n,) [m], point and normal (n, 3) in base_link."""
 
     face: NDArray[np.int32]
     depth: Array

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ray-tracing scene that all sensors share: the world in Embree, the classes of its hits, and rays for anybody.
+"""The ray-tracing scene that all sensors share: the world in Embree, the classes of its hits, and rays of a user.
 
 A ray that enters the box of an instance is transformed into its frame and starts at the top of its hierarchy. Below a
 canopy it would do so at every tree whose crown is above it, so that meshes such as trees are two instances, trunk and
@@ -121,7 +121,7 @@ class Scene:
         water: bool = True,
         workers: int | None = None,
     ) -> Mask:
-        """Whether anything blocks each ray (n,): along ``directions`` up to ``max_range``, or before ``targets``.
+        """Mask of the rays (n,) that something blocks: along ``directions`` up to ``max_range``, or before ``targets``.
 
         It is faster than ``cast``, because any hit will do. Arguments are those of ``cast``, and:
 

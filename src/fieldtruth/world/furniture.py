@@ -9,12 +9,13 @@ basket around a drum, and a hooded sheet-metal bin on a post. Poles of power lin
 brown porcelain, and concrete with a steel cross-arm and grey porcelain.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, suggestion
@@ -41,21 +42,7 @@ Pose = tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A solid of one material or, without a shape, a group of parts; in one place, or several times.
-
-    Shapes, with what ``points`` and ``size`` mean for each [m]:
-
-    - box: size along x, y and z
-    - beam: a box between two points of x and z; width, depth, and y
-    - strap: flat steel between two points, its flat side facing along x; thickness, width, overlap
-    - lathe: points of radius and height
-    - ball: radius
-    - tube: points in space, or of radius and height in a direction; its radius, or one for each point
-    - plate: outline of x and z; width along y
-    - bar: path of x and z; width along y, thickness
-    - slats: planks side by side along a path of x and z, upper side to the left of it; width along y, thickness, gap
-    - chequers: every second square of a chess board, the first or not (``count``); side of a square, height
-    """
+    """A solid of one material or, without a shape, a group of parts; in one place, or several times. See ``SHAPES``."""
 
     shape: Literal["box", "beam", "strap", "lathe", "ball", "tube", "plate", "bar", "slats", "chequers"] | None = None
     material: str = ""
@@ -64,11 +51,12 @@ class Part:
     rounded: float = 0.0  # radius [m] of the corners of the path
     steps: int = 5  # of each of these corners
     closed: bool = False  # the path ends at its start
-    sides: int = 24
+    sides: Annotated[int, Field(ge=3)] = 24
     faceted: bool = False
     bevel: float = 0.004  # [m]
     count: int = 0
-    bolts: float = 0.0  # [m] from the middle to those on slats
+    bolts: float = 0.0  # [m] from the middle to those on slats; 0: none
+    bolt_material: str = ""  # default: that of the slats
     uv: tuple[float, float] = (0.0, 0.0)  # shift of the texture, so that equal planks look different
     at: Pose = ()
     copies: tuple[Pose, ...] = ()
@@ -85,6 +73,31 @@ class Part:
         return np.vstack([path, path[:1]]) if self.closed else path
 
 
+class Shape(NamedTuple):
+    """Numbers of points, of coordinates of each and of sizes that a shape has, and their meaning [m]."""
+
+    points: range
+    coordinates: tuple[int, ...]
+    sizes: int
+    meaning: str
+
+
+_NONE, _TWO, _MANY = range(1), range(2, 3), range(2, 10_000)
+SHAPES: Final[Mapping[str, Shape]] = {
+    "box": Shape(_NONE, (), 3, "size (along x, y and z)"),
+    "beam": Shape(_TWO, (2,), 3, "points (x, z of both ends of a box) and size (width, depth, and y)"),
+    "strap": Shape(_TWO, (3,), 3, "points (two, in space; flat side along x) and size (thickness, width, overlap)"),
+    "lathe": Shape(_MANY, (2,), 0, "points (radius, height)"),
+    "ball": Shape(_NONE, (), 1, "size (radius)"),
+    "tube": Shape(_MANY, (2, 3), 1, "points (in space, or radius and height) and size (radius, or one of each point)"),
+    "plate": Shape(_MANY, (2,), 1, "points (x, z of the outline) and size (width along y)"),
+    "bar": Shape(_MANY, (2,), 2, "points (x, z of a path) and size (width along y, thickness)"),
+    "slats": Shape(_MANY, (2,), 3, "points (x, z, below planks), size (width along y, thickness, gap) and count"),
+    "chequers": Shape(_NONE, (), 2, "size (side of a square, height) and count (0 or 1: squares of a colour)"),
+}
+"""Solids by name."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Furniture:
     """A piece of furniture: the radius of the ground that it takes [m], its colliders, and its parts."""
@@ -96,18 +109,28 @@ class Furniture:
 
 def _furniture(_name: str, entry: Entry, source: str) -> Furniture:
     piece = validated(Furniture, entry, source)
-    for part in _all(piece.parts):
-        if part.shape and part.material not in MATERIALS:
-            raise ConfigurationError(
-                f"{source}: unknown material {part.material!r}; {suggestion(part.material, MATERIALS)}"
-            )
+    _check(piece.parts, f"{source}: parts")
     return piece
 
 
-def _all(parts: tuple[Part, ...]) -> Iterator[Part]:
-    for part in parts:
-        yield part
-        yield from _all(part.parts)
+def _check(parts: tuple[Part, ...], source: str) -> None:
+    """Check poses, materials, and the numbers that shapes have; raises ConfigurationError."""
+    for where, part in ((f"{source}.{k}", part) for k, part in enumerate(parts)):
+        if wrong := [each for each in (part.at, *part.copies) if len(each) not in (0, 2, 3, 6)]:
+            raise ConfigurationError(f"{where}: a pose must have 2, 3 or 6 numbers, got {list(wrong[0])}")
+        _check(part.parts, f"{where}.parts")
+        if part.shape is None:
+            continue
+        for material in (part.material, part.bolt_material or part.material):
+            if material not in MATERIALS:
+                hint = suggestion(material, MATERIALS)
+                raise ConfigurationError(f"{where}: unknown material {material!r}; {hint}")
+        shape, each = SHAPES[part.shape], {len(point) for point in part.points}
+        sizes = (shape.sizes, len(part.points)) if part.shape == "tube" else (shape.sizes,)
+        fits = len(part.points) in shape.points and len(each) < 2 and each <= set(shape.coordinates)
+        if not fits or len(part.size) not in sizes or (part.shape == "slats" and part.count < 1):
+            got = f"{len(part.points)} points, size {list(part.size)} and count {part.count}"
+            raise ConfigurationError(f"{where}: {part.shape} must have {shape.meaning}, got {got}")
 
 
 FURNITURE: Final = Section("furniture", _furniture)
@@ -209,8 +232,8 @@ def _slats(part: Part, path: Array) -> list[Mesh]:
         turned = pose((raised[0], 0.0, raised[1]), (0.0, -np.degrees(slope), 0.0))
         plank = make_box(part.material, (pitch - gap, width, thickness), bevel=0.005)
         parts.append(placed(plank, turned, uv_shift=(0.37 * k, 0.618 * k)))
-        head = make_lathe("bench_iron", [(0.011, 0.0), (0.009, 0.004), (0.0, 0.006)], sides=8)
-        for side in (-part.bolts, part.bolts):
+        head = make_lathe(part.bolt_material or part.material, [(0.011, 0.0), (0.009, 0.004), (0.0, 0.006)], sides=8)
+        for side in (-part.bolts, part.bolts) if part.bolts else ():
             parts.append(placed(head, turned @ pose((0.0, side, thickness / 2 - 0.0005))))
     return parts
 

@@ -64,6 +64,8 @@ def _document(path: Path) -> Entry:
         raise ConfigurationError(f"{path}: broken YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, dict):
         raise ConfigurationError(f"{path} must be a mapping, got {document!r}")
+    if path.parent.name == "materials" and (unknown := [str(key) for key in document if key not in SHARED]):
+        raise ConfigurationError(f"{path}: unknown section {unknown[0]!r}; {suggestion(unknown[0], SHARED)}")
     return document
 
 
@@ -154,6 +156,9 @@ class Section(Mapping[str, T]):
         path, entry = _section(self._name)[name]
         return self._read(name, entry, f"{path}: {self._name}.{name}")
 
+    def __contains__(self, name: object) -> bool:
+        return name in _section(self._name)  # reads no entry
+
     def __iter__(self) -> Iterator[str]:
         return iter(dict.fromkeys((*self._first, *_section(self._name))))
 
@@ -176,5 +181,5 @@ def validated(model: type[T], values: Mapping[str, Any], source: str) -> T:
             raise ConfigurationError(f"{source}: unknown key {key!r}") from report
         if first["type"] in ("missing", "missing_keyword_only_argument"):
             raise ConfigurationError(f"{source}: {key} is missing") from report
-        rule = first["msg"].replace("Input should be", "must be")
-        raise ConfigurationError(f"{source}: {key} {rule}, got {first['input']!r}") from report
+        rule = f"{key} {first['msg'].replace('Input should be', 'must be')}".strip()
+        raise ConfigurationError(f"{source}: {rule}, got {first['input']!r}") from report

@@ -10,6 +10,7 @@ A shape makes n of a kind at once, as one surface: curled leaves, blades, twigs,
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.experiment.fields import Positive
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
@@ -27,9 +29,7 @@ from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 Shape = Callable[[Array, Array, np.random.Generator], Surface]
 """Surface of n objects at foots (n, 3) [m] on level ground with sizes (n,) [m], their greatest extent."""
 _GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
-_BALL: Final = unit(
-    np.array([[s * a, t * b, 0.0] for a, b in ((1.0, _GOLDEN),) for s in (-1, 1) for t in (-1, 1)])[:, [0, 1, 2]]
-)
+_BALL: Final = unit(np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)]))
 _CORNERS: Final = np.concatenate([_BALL, np.roll(_BALL, 1, axis=1), np.roll(_BALL, 2, axis=1)])
 """Corners (12, 3) of an icosahedron."""
 
@@ -37,14 +37,8 @@ _CORNERS: Final = np.concatenate([_BALL, np.roll(_BALL, 1, axis=1), np.roll(_BAL
 def _triangles() -> list[list[int]]:
     """Faces of the icosahedron: corners that are neighbours of each other, counterclockwise from outside."""
     near = np.linalg.norm(_CORNERS[:, None] - _CORNERS, axis=-1) < 1.1
-    found = []
-    for a in range(12):
-        for b in range(a + 1, 12):
-            for c in range(b + 1, 12):
-                if near[a, b] and near[b, c] and near[a, c]:
-                    outward = np.linalg.det(_CORNERS[[a, b, c]]) > 0
-                    found.append([a, b, c] if outward else [a, c, b])
-    return found
+    found = [(a, b, c) for a, b, c in combinations(range(12), 3) if near[a, b] and near[b, c] and near[a, c]]
+    return [[a, b, c] if np.linalg.det(_CORNERS[[a, b, c]]) > 0 else [a, c, b] for a, b, c in found]
 
 
 _FACES: Final = _triangles()
@@ -197,17 +191,17 @@ class Item:
 
     shape: str
     material: str
-    sizes: tuple[float, float]
-    per_m2: float
+    sizes: tuple[Positive, Positive]
+    per_m2: Positive
 
 
 @dataclass(frozen=True)
 class Cover:
     """Patches of items on a type of ground."""
 
-    per_m2: float
+    per_m2: Positive
     items: tuple[Item, ...]
-    radius: float = 0.2  # [m]
+    radius: Positive = 0.2  # [m]
     where: Literal["everywhere", "under trees", "at edges"] = "everywhere"
 
 
@@ -242,8 +236,6 @@ def scatter_litter(
     for name in dict.fromkeys([*ground, trail]):
         for row, cover in enumerate(LITTER_BY_GROUND.get(name, ())):
             on_trail = name == trail
-            if not on_trail and name not in ground:
-                continue
             meshes = [_patch(f"{name}_{row}_{k}", cover, rng, on_trail=on_trail) for k in range(VARIANTS)]
             share = np.array([each == name for each in ground], np.float64)
             xy = _positions(builder, terrain, cover, None if on_trail else share, amount, rng)

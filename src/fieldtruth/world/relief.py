@@ -51,7 +51,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.erosion import diffuse, incise, route, slide
 from fieldtruth.world.grids import coarseness
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS, REFERENCE_FREQUENCY, Layer, Roughness
-from fieldtruth.world.model import Terrain
+from fieldtruth.world.model import Terrain, node_axes
 
 
 def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:
@@ -285,7 +285,7 @@ def with_layer(terrain: Terrain, rng: np.random.Generator) -> Terrain:
     """Add the layers that belong to a terrain's cover and to its trails."""
     names = (*terrain.ground_materials, terrain.trail_material)
     layers = [GROUND_TYPES[MATERIALS[name].ground_type].layer for name in names]
-    distance = terrain.trail_distance.at(*np.meshgrid(*_axes(terrain), indexing="ij", sparse=True))
+    distance = terrain.trail_distance.at(*np.meshgrid(*node_axes(terrain.field), indexing="ij", sparse=True))
     outside = np.clip(distance / EDGE, 0.0, 1.0)
     inside = np.clip(-(distance + terrain.border_width) / EDGE, 0.0, 1.0)
     height = np.zeros(terrain.field.heights.shape)
@@ -302,7 +302,7 @@ def with_layer(terrain: Terrain, rng: np.random.Generator) -> Terrain:
 
 def _noise(terrain: Terrain, correlation: float, rng: np.random.Generator) -> Array:
     """Normal numbers of unit deviation whose correlation falls to 1/e over ``correlation`` [m] (Gaussian)."""
-    x, y = _axes(terrain)
+    x, y = node_axes(terrain.field)
     own = relief_axes(x, y)
     width = correlation / relief_spacing(x, y) / 2.0
     kernel = np.zeros(2 * int(4 * width + 1) + 1)
@@ -312,14 +312,7 @@ def _noise(terrain: Terrain, correlation: float, rng: np.random.Generator) -> Ar
     return np.asarray(RectBivariateSpline(*own, gaussian_filter(white, width) / gain, kx=1, ky=1)(x, y))
 
 
-def _axes(terrain: Terrain) -> tuple[Array, Array]:
-    field, (nx, ny) = terrain.field, terrain.field.heights.shape
-    x, y = field.spacing * np.arange(nx, dtype=np.float64), field.spacing * np.arange(ny, dtype=np.float64)
-    return np.asarray(field.x0 + x), np.asarray(field.y0 + y)
-
-
 def _on_nodes(terrain: Terrain, values: Float32Array) -> Array:
     """Values at the cover's nodes, at the nodes of the field."""
-    cover, (nx, ny) = terrain.cover, values.shape
-    x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)
-    return np.asarray(RectBivariateSpline(x, y, values, kx=1, ky=1)(*_axes(terrain)))
+    spline = RectBivariateSpline(*node_axes(terrain.cover), values, kx=1, ky=1)
+    return np.asarray(spline(*node_axes(terrain.field)))

@@ -10,7 +10,6 @@ A mesh has normals with creases, texture coordinates projected on boxes, and a c
 A pose is inclined with the slope, and so deep that no gap below the rim is visible.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -294,22 +293,6 @@ BED: Final = 0.03
 """Least depth of a rock's rim in the ground [m], per square root of its radius [m]."""
 
 
-def lay_rock(
-    builder: WorldBuilder,
-    kind: str,
-    mesh: Mesh,
-    xy: Sequence[float] | Array,
-    *,
-    yaw: float,
-    scale: float = 1.0,
-    tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
-) -> Instance:
-    """Add a rock that is sunk into the ground at xy [m], turned by ``yaw`` [rad]; its footprint stays free."""
-    x, y = xy
-    pose = rock_pose(builder.field, mesh, x, y, yaw, scale)
-    return builder.add(kind, mesh, pose, [(x, y, mesh.footprint * scale)], tint=tint)
-
-
 def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, scale: float) -> Array:
     """Pose (4, 4) of a rock, inclined with the mean slope below it and sunk until its whole rim is in the ground."""
     radius = mesh.footprint * scale
@@ -358,8 +341,8 @@ def scatter_rocks(
         mesh, scale = group.mesh(number), float(np.exp(rng.uniform(*np.log(group.scales))))
         if not builder.is_free(xy, mesh.footprint * scale):
             return None
-        yaw = float(rng.uniform(0, 2 * np.pi))
-        return lay_rock(builder, group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
+        pose = rock_pose(builder.field, mesh, *xy, float(rng.uniform(0, 2 * np.pi)), scale)
+        return builder.add(group.kind, mesh, pose, [(*xy, mesh.footprint * scale)], tint=random_tint(rng, group.tint))
 
     spacings = eased(group.spacing, (1.0, 0.8, 0.6, 0.4, 0.2))
     return group.check_complete(place_until_count(group.count, hits, attempt, spacings=spacings))

@@ -7,6 +7,7 @@ group of plants (``PlantGroup``) and what each swarm is like (``SwarmForm``); th
 grow. The key ``plants`` of a layout names other species for a group.
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -25,7 +26,7 @@ from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec
 from fieldtruth.world.plants.deadwood import grow_snag
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
-from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrassSpecies, GrownIn, Species
+from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrownIn, heights_of
 from fieldtruth.world.plants.trees import grow_bush, grow_tree
 from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 
@@ -85,18 +86,15 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
         known = list(_LIBRARIES[group.form])  # names: no species is read
         for unknown in (each for each in group.species if each not in known):
             raise ConfigurationError(f"{path}: groups.{key}: unknown species {unknown!r}; {suggestion(unknown, known)}")
+        if not group.species and group.heights is None:
+            raise ConfigurationError(f"{path}: groups.{key}: species or heights is missing")
+        if set(re.findall(r"{.*?}|[{}]", group.name)) - {"{species}", "{k}"}:
+            raise ConfigurationError(f"{path}: groups.{key}: name may have {{species}} and {{k}}, got {group.name!r}")
     return planting
 
 
 PLANTINGS: Final = Library("environments", _planting, lambda _: ())
 """Plants and corridors by environment, one data file each."""
-
-
-def heights_of(kind: Species | GrassSpecies, height: float, grown_in: GrownIn) -> tuple[float, float]:
-    """Least and greatest height [m] that a species can have, by the habit that it has at ``height``."""
-    if isinstance(kind, GrassSpecies):
-        return 0.5 * kind.height[0], 1.5 * kind.height[1]
-    return 0.5 * kind.habit(height, grown_in).height, 2.0 * kind.habit(height, grown_in).height
 
 
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:

@@ -28,7 +28,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.model import Mesh, merge_meshes
 from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
-from fieldtruth.world.plants.species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike
+from fieldtruth.world.plants.species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike, heights_of
 
 STEPS: Final = 24
 """Segments of a midrib."""
@@ -243,7 +243,7 @@ def grow_tuft(
     drives through. The footprint [m] is the radius of the disc it roots in. Raises ValueError for a height below half
     the least or above 1.5 times the greatest usual height, and for a ``detail`` outside (0, 4].
     """
-    low, high = 0.5 * species.height[0], 1.5 * species.height[1]
+    low, high = heights_of(species, height)
     if not low <= height <= high:
         raise ValueError(f"height of {species.name} must be between {low:g} and {high:g} m, got {height}")
     if not 0 < detail <= 4:

@@ -263,6 +263,14 @@ class GrassSpecies:
         return self.name
 
 
+def heights_of(species: Species | GrassSpecies, height: float, grown_in: GrownIn = "open") -> tuple[float, float]:
+    """Least and greatest height [m] of a species' individuals, by the habit that it has at ``height``."""
+    if isinstance(species, GrassSpecies):
+        return 0.5 * species.height[0], 1.5 * species.height[1]
+    usual = species.habit(height, grown_in).height
+    return 0.5 * usual, 2.0 * usual
+
+
 SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
 FINE_LEAVES: Final = 0.45  # detail below which a leaf is a kite
 SIMPLE_LEAVES: Final = 0.2  # detail below which it is a triangle, and there are twice as many

@@ -43,6 +43,7 @@ from fieldtruth.world.plants.species import (
     Order,
     Species,
     at_detail,
+    heights_of,
     individual,
     outline_corners,
 )
@@ -296,11 +297,10 @@ def _check_detail(detail: float) -> None:
 
 def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit:
     """The habit at this height [m]; raises ValueError outside the heights that it is made for."""
-    habit = species.habit(height, grown_in)
-    low, high = 0.5 * habit.height, 2.0 * habit.height
+    low, high = heights_of(species, height, grown_in)
     if not low <= height <= high:
         raise ValueError(f"height of {species.name} must be between {low:g} and {high:g} m, got {height}")
-    return habit
+    return species.habit(height, grown_in)
 
 
 def _surfaces(

@@ -48,7 +48,11 @@ Row = Mapping[str, Change]
 def _row(name: str, entry: Entry, source: str) -> Row:
     if name not in MATERIALS:
         raise ConfigurationError(f"{source}: unknown material {name!r}; {suggestion(name, list(MATERIALS))}")
-    return {season: validated(Change, values, f"{source}.{season}") for season, values in entry.items()}
+    row = {season: validated(Change, values, f"{source}.{season}") for season, values in entry.items()}
+    for season in {LUSH, DRY} & row.keys():
+        if not row[season].colours:
+            raise ConfigurationError(f"{source}.{season}: colours is missing")
+    return row
 
 
 SEASONAL: Final = Section("seasons", _row)

@@ -21,11 +21,11 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import tidied
 from fieldtruth.world.grids import fractal_noise, grid_axes, make_raster
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, node_axes
 from fieldtruth.world.placement import make_swarm, random_scales, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_clump
 from fieldtruth.world.seasons import SUMMER, USUAL, Change, changes, tinted
-from fieldtruth.world.seasons.leaves import COLOUR, lay_leaves, leaf_falls, strewn, twigs_of, variant
+from fieldtruth.world.seasons.leaves import COLOUR, FALLEN, lay_leaves, leaf_falls, strewn, twigs_of, variant
 from fieldtruth.world.seasons.leaves import in_season as mesh_in_season
 from fieldtruth.world.textures import make_texture
 
@@ -49,8 +49,6 @@ LEAF_EXTINCTION: Final = 0.5
 """Of falling snow by leaves and twigs, per projected leaf area index."""
 BURIED: Final = 0.15
 """Share of the ground that snow hides from which fallen leaves are below it."""
-FALLEN: Final = "fallen_leaves"
-"""Kind of the swarm of fallen leaves."""
 HIDES: Final = 0.02
 """Depth [m] above grass and litter from which nothing below is seen."""
 SHORE: Final = 0.03
@@ -63,8 +61,7 @@ def snowed_in(world: World, depth: float) -> World:
     None lies on ground steeper than ``SLIDES``, below roofs, and in water.
     """
     terrain = world.terrain
-    field, (nx, ny) = terrain.field, terrain.field.heights.shape
-    x, y = (start + field.spacing * np.arange(n, dtype=np.float64) for start, n in ((field.x0, nx), (field.y0, ny)))
+    field, (x, y) = terrain.field, node_axes(terrain.field)
     rng = np.random.default_rng([world.seed, 44])
     drift = 1 + sum(
         deviation * fractal_noise(x, y, wavelength=length, octaves=3, rng=rng).clip(-2, 2)
@@ -221,7 +218,7 @@ def recoloured(world: World, table: Mapping[str, Change]) -> World:
 
 def _coloured(material: Material, table: Mapping[str, Change]) -> Material:
     """The ground below fallen leaves, which turn brown until spring."""
-    change = table.get("fallen_leaves", Change())
+    change = table.get(FALLEN, Change())
     return tinted(material, change.colours[0][1:]) if change.colours else material
 
 

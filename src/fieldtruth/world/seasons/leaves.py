@@ -28,7 +28,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh, node_axes
 from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import unit
@@ -40,8 +40,7 @@ MOST_TWIGS: Final = 20_000
 """Twigs of a mesh."""
 COLOUR: Final = (0.105, 0.076, 0.058)
 """Albedo of young bark, which is brown and smooth in all species; even that of birches."""
-LONGEST: Final = 1.1
-"""[m]"""
+LONGEST: Final = 1.1  # [m]
 SLIM: Final = 0.006
 """Radius of a twig at its base relative to its length."""
 THINNEST: Final = 0.022
@@ -55,9 +54,8 @@ Surface = tuple[Float32Array, Float32Array, Float32Array, NDArray[np.int32]]
 def hidden_twigs(wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.random.Generator) -> Surface:
     """Vertices, normals, uv and faces of pointed three-sided twigs to leaves that are ``gone``.
 
-    ``wood`` (f, 3, 3) [m] are the triangles of the drawn stems, ``leaves`` (n, 3) [m] positions of leaves of a
-    length ``leaf`` [m]. Numbers are drawn for
-    all leaves, so that a twig is the same in each season.
+    ``wood`` (f, 3, 3) [m] are the triangles of the drawn stems, ``leaves`` (n, 3) [m] positions of leaves of a length
+    ``leaf`` [m]. Numbers are drawn for all leaves, so that a twig is the same in each season.
     """
     chance, length, bow = (
         rng.random(len(leaves)),
@@ -261,7 +259,7 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
     )
 
 
-NAME: Final = "fallen_leaves"
+FALLEN: Final = "fallen_leaves"
 """Material of the ground where leaves lie close, kind of the swarm; ``kept`` of it scales the number of leaves."""
 FALL: Final = "autumn"
 """Season in which leaves fall."""
@@ -321,7 +319,7 @@ def strewn(
     """The terrain with leaves mixed into its cover, and the materials for it; kinds of ground stay the same."""
     cover = terrain.cover
     nx, ny = cover.values.shape[:2]
-    nodes = (cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny))
+    nodes = node_axes(cover)
     x, y = np.meshgrid(*nodes, indexing="ij")
     share = np.sum([fall.density.at(x, y) for fall in falls], axis=0)
     size = (cover.spacing * (nx - 1), cover.spacing * (ny - 1))
@@ -336,8 +334,8 @@ def strewn(
             values[0] = values[0].copy()
             values[0][..., row] -= leaves
             values.append(leaves[..., None])
-            names.append(f"{NAME}_on_{name}")
-            new[names[-1]] = replace(MATERIALS[NAME], name=names[-1], ground_type=MATERIALS[name].ground_type)
+            names.append(f"{FALLEN}_on_{name}")
+            new[names[-1]] = replace(MATERIALS[FALLEN], name=names[-1], ground_type=MATERIALS[name].ground_type)
     cover = replace(cover, values=np.concatenate(values, axis=-1))
     return replace(terrain, cover=cover, ground_materials=tuple(names)), new
 
@@ -350,7 +348,7 @@ def lay_leaves(
     They have the colours of ``FALL``, in later seasons nearly all brown.
     """
     rng, autumn = np.random.default_rng([world.seed, 42]), changes(FALL)
-    most, rot = MOST_LEAVES * changes(season).get(NAME, Change()).kept, ROT if season == FALL else OLD
+    most, rot = MOST_LEAVES * changes(season).get(FALLEN, Change()).kept, ROT if season == FALL else OLD
     materials, parts = dict[str, Material](), []
     for fall in falls:
         xy = _positions(world, fall.density, most, rng)
@@ -365,9 +363,9 @@ def lay_leaves(
     meshes = []
     for number, key in enumerate(np.unique(tile, axis=0)):
         own = (tile == key).all(axis=1)
-        meshes.append(_mesh(f"{NAME}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
+        meshes.append(_mesh(f"{FALLEN}_{number}", corners[own], normals[own], rows[own], tuple(materials)))
     poses = np.tile(np.eye(4), (len(meshes), 1, 1))
-    return make_swarm(NAME, NAME, meshes, poses, None), meshes, materials
+    return make_swarm(FALLEN, FALLEN, meshes, poses, None), meshes, materials
 
 
 def _positions(world: World, density: Raster, most: float, rng: np.random.Generator) -> Array:

@@ -13,8 +13,8 @@ back; see `Material.translucency` for the rest.
 import inspect
 import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, make_dataclass, replace
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -28,26 +28,39 @@ from fieldtruth.world.textures.canvas import DRAWINGS, finish
 
 @dataclass(frozen=True, kw_only=True)
 class Texture:
-    """How a texture is drawn, and its mean linear albedo (red, green, blue)."""
+    """A drawing with its parameters, and the mean linear albedo (red, green, blue)."""
 
     draw: str  # name of a function in `DRAWINGS`
     albedo: tuple[float, float, float]
     parameters: Mapping[str, Any]
 
 
+_FORMER: Final[Mapping[str, Entry]] = {
+    "velvet": {"waves": [[0.12, 2, 60, 0.5, 1]]},
+    "opal_glass": {"tones": [[205, 203, 194], [236, 234, 226]], "middle": 0.55, "waves": [[0.1, 2, 30, 1, 1]]},
+    "murky_water": {"tones": [[38, 44, 30], [46, 54, 38], [54, 60, 40]], "waves": [[0.12, 2, 12, 0.8, 1]]},
+}
+"""Parameters of the drawing ``mottled`` by the names that it had in files for earlier versions."""
+
+
 def _texture(name: str, entry: Entry, source: str) -> Texture:
+    former = _FORMER.get(str(entry.get("draw")))
+    entry = entry if former is None else {**former, **entry, "draw": "mottled"}
     parameters = {key: value for key, value in entry.items() if key not in ("draw", "albedo")}
     values = {key: value for key, value in entry.items() if key in ("draw", "albedo")}
     texture = validated(Texture, {**values, "parameters": parameters}, source)
     if texture.draw not in DRAWINGS:
         raise ConfigurationError(f"{source}: unknown drawing {texture.draw!r}; {suggestion(texture.draw, DRAWINGS)}")
-    try:
-        signature = inspect.signature(DRAWINGS[texture.draw])
-        signature.bind_partial(None, **parameters)  # a misspelt key is also a missing one: report the cause
-        signature.bind(None, **parameters)
-    except TypeError as error:
-        raise ConfigurationError(f"{source}: {texture.draw}: {error}") from error
-    return texture
+    checked = validated(_parameters(texture.draw), parameters, f"{source}: {texture.draw}")
+    return replace(texture, parameters=vars(checked))
+
+
+@cache
+def _parameters(draw: str) -> type:
+    """Dataclass of a drawing's parameters, all keywords, for their check."""
+    _, *own = inspect.signature(DRAWINGS[draw]).parameters.values()
+    fields = [(p.name, p.annotation) if p.default is p.empty else (p.name, p.annotation, p.default) for p in own]
+    return make_dataclass(draw, fields, frozen=True, kw_only=True)
 
 
 TEXTURES: Final = Section("textures", _texture)

@@ -17,7 +17,7 @@ from fieldtruth.core.arrays import Index
 
 Image = NDArray[np.float32]
 Rng = np.random.Generator
-Tone = Sequence[int]
+Tone = tuple[float, float, float]
 """An sRGB colour, 0 to 255."""
 Tones = Sequence[Tone]
 Drawing = Callable[..., Image]

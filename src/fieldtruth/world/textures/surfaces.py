@@ -11,12 +11,11 @@ furrows lose is part of the image (see `hollows`); what grows on bark is added w
 `kernels.textures`). A tile of distant woods is 24 m, a pixel 4.7 cm: crowns side by side. Rocks, weathered and with
 lichen, have tiles of 1.2 m, planks (grain along u), painted iron, galvanised steel, concrete and glass of 0.5 m.
 
-``tones`` are colours (k, 3) from dark to light, ``stain`` that of rust or soil, sRGB 0 to 255; ``lichen`` lists crusts
-by the keywords of `_lichen`.
+``tones`` are colours (k, 3) from dark to light, ``stain`` that of rust or soil, sRGB 0 to 255; ``lichen`` lists crusts.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,6 +44,8 @@ LEAF = 256
 BLADE = 128
 N = 512
 """Pixels along each side of barks, distant woods, rocks and man-made materials."""
+Wave = tuple[float, float, float, float, float]
+"""Amplitude of a noise, and its ``low``, ``high``, ``slope`` and ``stretch``."""
 
 
 def _grid(n: int) -> tuple[Image, Image]:
@@ -140,8 +141,8 @@ def husks(rng: Rng, *, tones: Tones) -> Image:
 
 
 @drawing
-def mottled(rng: Rng, *, tones: Tones, waves: Sequence[Sequence[float]], middle: float = 0.5) -> Image:
-    """Tones about the ``middle`` one, varied by noise: ``waves`` are amplitude, and low, high, slope and stretch."""
+def mottled(rng: Rng, *, tones: Tones, waves: Sequence[Wave], middle: float = 0.5) -> Image:
+    """Tones about the ``middle`` one, varied by noise: ``waves`` add up."""
     tone: Image | float = middle
     for amplitude, low, high, slope, stretch in waves:
         tone = tone + amplitude * noise(rng, BLADE, low, high, slope=slope, stretch=stretch)
@@ -376,7 +377,13 @@ def far_canopy(rng: Rng, *, tones: Tones) -> Image:
     return even_out(np.asarray(colour * light[..., None], np.float32))
 
 
-Crusts = Sequence[Mapping[str, Any]]
+@dataclass(frozen=True, kw_only=True)
+class Crust:
+    """Lichen of one colour: about ``share`` of the image, ``patches`` per tile."""
+
+    shade: Tone
+    patches: float
+    share: float
 
 
 def _cracks(rng: Rng, across: int, *, width: float, share: float) -> Image:
@@ -407,23 +414,20 @@ def _strata(rng: Rng, colour: Image, strength: float) -> Image:
     return np.asarray(colour * (1 + strength * bed - 0.16 * run)[..., None], np.float32)
 
 
-def _lichen(rng: Rng, colour: Image, shade: Tone, *, patches: float, share: float) -> Image:
-    """Cover about ``share`` of the image with crusts of one colour, ``patches`` per tile, with ragged rims."""
-    field = noise(rng, N, patches / 3, patches * 2, slope=0.6) + 0.55 * noise(rng, N, patches * 2, 160, slope=0.9)
-    level = np.float32(np.quantile(field, 1 - share))
-    crust = np.clip((field - level) * 3.0, 0, 1)[..., None] * np.float32(0.8)
-    grain = (1 + 0.12 * noise(rng, N, 60, 256, slope=0.2))[..., None]
-    return np.asarray(colour * (1 - crust) + linear(shade) * grain * crust, np.float32)
-
-
-def _overgrown(rng: Rng, colour: Image, lichen: Crusts) -> Image:
+def _overgrown(rng: Rng, colour: Image, lichen: Sequence[Crust]) -> Image:
+    """Cover the image with crusts that have ragged rims, one after another."""
     for crust in lichen:
-        colour = _lichen(rng, colour, **crust)
+        fine = 2 * crust.patches
+        field = noise(rng, N, crust.patches / 3, fine, slope=0.6) + 0.55 * noise(rng, N, fine, 160, slope=0.9)
+        level = np.float32(np.quantile(field, 1 - crust.share))
+        covered = np.clip((field - level) * 3.0, 0, 1)[..., None] * np.float32(0.8)
+        grain = (1 + 0.12 * noise(rng, N, 60, 256, slope=0.2))[..., None]
+        colour = np.asarray(colour * (1 - covered) + linear(crust.shade) * grain * covered, np.float32)
     return colour
 
 
 @drawing
-def pitted_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+def pitted_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Sequence[Crust]) -> Image:
     """Limestone of dry mountains: pitted by rain, cracked, stained."""
     swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 30, 256, slope=0.7)
     pits = np.clip(noise(rng, N, 25, 120, slope=0.4) - 1.0, 0, 1.5)
@@ -438,7 +442,7 @@ def pitted_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image
 
 
 @drawing
-def granular_rock(rng: Rng, *, tones: Tones, shares: Sequence[float], stain: Tone, lichen: Crusts) -> Image:
+def granular_rock(rng: Rng, *, tones: Tones, shares: Sequence[float], stain: Tone, lichen: Sequence[Crust]) -> Image:
     """Granite: mineral grains, each tone with its share, cracked, stained by rust."""
     mineral = cells(rng, N, 190, 190)
     kind = rng.choice(len(tones), 190 * 190, p=shares)[mineral.owner]
@@ -456,7 +460,7 @@ def granular_rock(rng: Rng, *, tones: Tones, shares: Sequence[float], stain: Ton
 
 
 @drawing
-def smooth_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+def smooth_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Sequence[Crust]) -> Image:
     """Field stones: worn smooth, with soil in the hollows."""
     swell, grain = noise(rng, N, 3, 50, slope=1.0), noise(rng, N, 40, 256, slope=0.4)
     colour = mix(tones, 0.5 + 0.17 * swell + 0.09 * grain)
@@ -470,7 +474,7 @@ def smooth_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image
 
 
 @drawing
-def layered_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image:
+def layered_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Sequence[Crust]) -> Image:
     """Schist: fine parallel layers along u, stained by rust."""
     layers = noise(rng, N, 12, 200, slope=0.5, stretch=0.03)
     swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 50, 256, slope=0.3)

@@ -34,7 +34,7 @@ from fieldtruth.world.grids import (
     make_raster,
     solid_noise,
 )
-from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World, node_axes
 from fieldtruth.world.placement import Density, FarSwarm, ObjectGroup, WorldBuilder, tilted, upright_pose
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit, with_layer, with_microrelief
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
@@ -193,8 +193,7 @@ def _corridor_distance(corridors: Sequence[Line]) -> Land:
 
 def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rng: np.random.Generator) -> Ground:
     """Cover a heightfield by slope, by the area ``drained`` (nx, ny) [m^2] through its nodes, and by noise."""
-    nx, ny = field.heights.shape
-    x, y = field.x0 + field.spacing * np.arange(nx, dtype=float), field.y0 + field.spacing * np.arange(ny, dtype=float)
+    (nx, ny), (x, y) = field.heights.shape, node_axes(field)
     cell = COVER * coarseness((field.spacing * nx, field.spacing * ny))
     fine_x, fine_y = (np.asarray(np.arange(c[0], c[-1] + cell / 2, cell), np.float64) for c in (x, y))
     smooth = gaussian_filter(field.heights.astype(np.float64), 0.5 / field.spacing)
