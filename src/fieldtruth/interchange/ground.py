@@ -319,7 +319,7 @@ def _sampled(table: MaterialTable, texture: int, u: Array, v: Array, pixels_per_
     size, start = int(atlas.size[texture, level]), int(atlas.start[texture, level])
     packed = atlas.texels[start : start + size * size, None] >> np.array([0, 8, 16], np.uint32) & 255
     texels = atlas.linear[packed]
-    x, y = u * size - 0.5, -v * size - 0.5  # as ``render.atlas.sample``
+    x, y = u * size - 0.5, -v * size - 0.5  # as ``kernels.textures.sample``
     i, j = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     fx, fy = (x - i).astype(np.float32)[:, None], (y - j).astype(np.float32)[:, None]
     left, right, upper, lower = i % size, (i + 1) % size, j % size * size, (j + 1) % size * size

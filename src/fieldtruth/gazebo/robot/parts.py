@@ -5,7 +5,7 @@
 Frames, rays and masses are those of the rig and of the physics.
 
 Contact of a tyre in Gazebo's ODE is rigid, because a soft one sways on a cylinder's changing contact points. Our own
-physics has elastic tyres that envelop the ground (``drive.tyre``); only the friction is the same in both.
+physics has elastic tyres that envelop the ground (``drive.surroundings``); only the friction is the same in both.
 
 The robot must not be seen by its own sensors, as in our images and clouds. A housing that another sensor would see is
 not drawn, nothing casts a shadow, and the mast that obstacles touch ends below the beams of every LiDAR. So it holds

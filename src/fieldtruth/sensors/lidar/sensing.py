@@ -165,7 +165,7 @@ class IdealLidar:
     The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
     nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
     the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
-    ``robot`` is what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+    ``robot`` is what it sees of the robot that carries it (``experiment.rig.visible_parts``).
     """
 
     def __init__(self, config: LidarConfig, scene: Scene, robot: Sequence[Box | Cylinder] = ()) -> None:
@@ -474,7 +474,7 @@ class Lidar(IdealLidar):
     Args:
         config: with or without a signal.
         scene: what it sees.
-        robot: what it sees of the robot that carries it (``experiment.robot_body.visible_parts``).
+        robot: what it sees of the robot that carries it (``experiment.rig.visible_parts``).
         weather: what is in the air.
         in_air: instead of the weather, what the air does to echoes.
     """
