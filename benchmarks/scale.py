@@ -37,11 +37,11 @@ from fieldtruth.world.build import build_world, world_of
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
 PAIRS = 1_000_000
-PAIRS_PER_SLICE = 25
-RUN_SLICES = 60
+PAIRS_PER_S = 25
+RUN_S = 60.0
 CORES = (2, 64, 1000)
 TASKS = 10_000
-DRIVE_S, SLICES = 20.0, (3, 9, 15)
+DRIVE_S, SLICES = 20.0, (30, 31, 90, 91, 150, 151)  # with two and with three pairs in turns
 
 Figures = dict[str, float]
 
@@ -53,7 +53,7 @@ def cpu_s(work: Callable[[], object]) -> float:
 
 
 def of_environment(name: str) -> Figures:
-    """Processor time [s] of the parts of a run, and bytes, from three slices of the first experiment at full size."""
+    """Processor time [s] of the parts of a run, and bytes, from slices of the first experiment at full size."""
     experiment = with_overrides(load_experiment(f"{name}_1"), seconds=DRIVE_S)
     ready: list[PreparedHere] = []
     figures = {"build_s": cpu_s(lambda: build_world(experiment.environment, experiment.seed, experiment.layout))}
@@ -138,8 +138,10 @@ def measure() -> dict[str, Figures]:
 
 
 class Cost(NamedTuple):
-    """Cost of ``PAIRS`` pairs in equal parts of the environments: runs of ``RUN_SLICES`` s, each in its own world."""
+    """Cost of ``PAIRS`` pairs in equal parts of the environments: runs of ``RUN_S``, each in its own world."""
 
+    slices: float
+    runs: float
     slices_h: float
     runs_h: float
     bytes: float
@@ -153,14 +155,16 @@ class Cost(NamedTuple):
 
 def cost(figures: dict[str, Figures]) -> Cost:
     """Add up."""
-    slices = PAIRS / PAIRS_PER_SLICE
-    runs = slices / RUN_SLICES
+    simulated_s = PAIRS / PAIRS_PER_S
+    slices, runs = simulated_s * 1e9 / SLICE_NS, simulated_s / RUN_S
 
     def mean(name: str) -> float:
         return sum(figures[environment][name] for environment in ENVIRONMENTS) / len(ENVIRONMENTS)
 
-    run_s = mean("build_s") + mean("light_s") + mean("drive_s_per_s") * RUN_SLICES
+    run_s = mean("build_s") + mean("light_s") + mean("drive_s_per_s") * RUN_S
     return Cost(
+        slices=slices,
+        runs=runs,
         slices_h=slices * mean("slice_s") / 3600,
         runs_h=runs * run_s / 3600,
         bytes=slices * mean("slice_bytes"),
@@ -189,7 +193,7 @@ def report(figures: dict[str, Figures]) -> str:
         "",
         f"An empty task: {cluster['task_ms']:.2f} ms ({TASKS} tasks). Two workers: {speedup:.2f} times one.",
         "",
-        f"{PAIRS} pairs are {PAIRS / PAIRS_PER_SLICE:.0f} slices in {PAIRS / PAIRS_PER_SLICE / RUN_SLICES:.0f} runs:",
+        f"{PAIRS} pairs are {total.slices:.0f} slices in {total.runs:.0f} runs:",
         f"slices {total.slices_h:.0f} core-h, worlds, light and drives {total.runs_h:.0f} core-h, "
         f"{total.bytes / 1e12:.2f} TB;",
         f"not divided: joining {total.join_h:.1f} h, scheduler {total.scheduler_h:.2f} h",

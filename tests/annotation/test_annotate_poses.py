@@ -302,6 +302,6 @@ def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
 
 def test_a_scene_must_be_a_scene(tmp_path: Path) -> None:
     bag = write(tmp_path / "x.bag", drive())
-    with pytest.raises(ConfigurationError, match="^scene must be a Scene, got 'park'; see load_world$"):
+    with pytest.raises(ConfigurationError, match=r"^scene must be a Scene, got 'park'; see load_world$"):
         annotate(bag, "park", scene="park")  # type: ignore[arg-type]
     assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]

@@ -56,14 +56,14 @@ def test_the_earlier_name_of_the_papers_cameras_warns() -> None:
     with pytest.warns(FieldtruthWarning, match=r"^stereo is now called cameras$"):
         rig = paper_rig(stereo=StereoConfig(width=64))
     assert rig == paper_rig(cameras=StereoConfig(width=64)) == parsed({"cameras": {"width": 64}})
-    with pytest.raises(ConfigurationError, match="^stereo must be None where cameras is given"):
+    with pytest.raises(ConfigurationError, match=r"^stereo must be None where cameras is given"):
         paper_rig(stereo=StereoConfig(), cameras=StereoConfig())
 
 
 def test_settings_of_another_sensor_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="^cameras must be of type StereoConfig, got 3$"):
+    with pytest.raises(ConfigurationError, match=r"^cameras must be of type StereoConfig, got 3$"):
         paper_rig(cameras=3)  # type: ignore[arg-type]
-    with pytest.raises(ConfigurationError, match="^imu must be of type ImuConfig, got "):
+    with pytest.raises(ConfigurationError, match=r"^imu must be of type ImuConfig, got "):
         paper_rig(imu=StereoConfig())  # type: ignore[arg-type]
 
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forest measured as an inventory measures it, against published figures of dense Central European stands.
 
-Measured from meshes (``interchange.measures``), not from the layout. Sources of the ranges are at each test; those that
-are quoted from memory say so.
+Measured from meshes (``interchange.inventory``), not from the layout. Sources of the ranges are at each test; those
+that are quoted from memory say so.
 """
 
 from dataclasses import dataclass

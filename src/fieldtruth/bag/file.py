@@ -79,8 +79,8 @@ def first_bytes(path: Path, size: int = len(_BAG)) -> bytes:
 
 
 def is_ros1(path: Path) -> bool:
-    """Whether a file begins as a bag of ROS 1; raises as ``first_bytes``."""
-    return first_bytes(path) == _BAG
+    """Return whether a bag is one of ROS 1, by its first bytes; raises as ``first_bytes``."""
+    return not is_database(path) and first_bytes(path) == _BAG
 
 
 def _other_kind(path: Path) -> str:
@@ -358,6 +358,11 @@ class BagFile:
 def is_database(path: Path) -> bool:
     """Whether a path looks like a bag of ROS 2 other than an MCAP file."""
     return path.suffix == ".db3" or (path / "metadata.yaml").is_file()
+
+
+def bag_files(bag: Path) -> list[Path]:
+    """Return the files of a bag: those in it if it is a folder of ROS 2, else itself."""
+    return sorted(path for path in bag.rglob("*") if path.is_file()) if bag.is_dir() else [bag]
 
 
 def find_bag(path: Path | str) -> Path:

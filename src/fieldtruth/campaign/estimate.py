@@ -44,7 +44,7 @@ DRIVE: Final = "drive"
 CACHED: Final = (WORLD, "prepare the scene", "wait for workers", "world and drive")
 """Stages of the world and its light, which later runs find in the cache; the last two are those on a cluster."""
 MEASURED_S: Final = 2.0
-"""Simulated time [s]: two slices."""
+"""Simulated time [s] of a measurement."""
 _TRIES: Final = 3
 """Experiments that are tried; in some, no route may be found."""
 _DRIVES_S: Final = (1.0, 5.0)
@@ -169,7 +169,7 @@ def _send_figures(channel: Connection, experiment: Experiment, folder: Path) -> 
 def measured(experiment: Experiment, folder: Path) -> Figures:
     """Measure the beginning of a run in this process; raises as ``generate``."""
     stages = Stages()
-    workers = min(int(MEASURED_S), cpu_count())
+    workers = min(2, cpu_count())
     short = _shortened(experiment, min(MEASURED_S, simulated_s(experiment)))
     bag = generate(short, folder, workers=workers, progress=stages)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

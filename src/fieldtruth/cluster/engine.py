@@ -73,7 +73,7 @@ class ClusterSlices(SliceFolder):
                 self._client.cancel(list(running))
 
     def _submit(self, k: int) -> Future:
-        key = f"slice-{k:06d}-{uuid.uuid4().hex}"  # an earlier slices first
+        key = f"slice-{k:06d}-{uuid.uuid4().hex}"  # earlier slices first
         return self._client.submit(make_slice, self._order, self._track, k, key=key, priority=self._order.priority)
 
     def _keep(self, k: int, future: Future) -> bool:

@@ -42,7 +42,7 @@ class OutputError(FieldtruthError):
 
 
 class SliceError(FieldtruthError):
-    """A worker failed while it made a part of a recording; the text names the second, the error and its line."""
+    """A worker failed while it made a part of a recording; the text names the time, the error and its line."""
 
 
 class RouteError(FieldtruthError):

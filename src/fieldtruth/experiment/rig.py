@@ -18,9 +18,8 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.readings import Reading
-from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
 from fieldtruth.experiment.catalogue import figures_of, models
-from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount
+from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import (
     KINDS,

@@ -18,7 +18,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import ChunkInfo, Header, RecordType, decompressors, read_bytes, read_uint32
 
-from fieldtruth.bag.file import EXPERIMENT, MCAP, BagError, read_errors
+from fieldtruth.bag.file import EXPERIMENT, MCAP, BagError, bag_files, read_errors
 from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import Run, open_run
@@ -244,7 +244,7 @@ class OtherFile(BagFile):
 
     def result(self) -> Check:
         """Return the check of the structure."""
-        self.tally.note = f"{self.path.stat().st_size / 1e6:.1f} MB"
+        self.tally.note = f"{sum(file.stat().st_size for file in bag_files(self.path)) / 1e6:.1f} MB"
         return self.tally.result()
 
 

@@ -112,7 +112,7 @@ def load_world(
         environment: a name from ``list_environments``.
         seed: of everything random.
         layout: changes to the environment's configuration.
-        cache_folder: by default ``core.cache_folder.cache_folder()``. File names contain a digest of the code, the
+        cache_folder: by default ``core.cache.cache_folder()``. File names contain a digest of the code, the
             libraries' versions and the layout. A folder that cannot be written is ignored.
     """
     check_layout(environment, layout)

@@ -235,7 +235,7 @@ class Raster:
 def node_axes(grid: Heightfield | Raster) -> tuple[Array, Array]:
     """Coordinates [m] along x and along y of a grid's nodes."""
     nx, ny = (grid.heights if isinstance(grid, Heightfield) else grid.values).shape[:2]
-    return grid.x0 + grid.spacing * np.arange(nx), grid.y0 + grid.spacing * np.arange(ny)
+    return grid.x0 + grid.spacing * np.arange(nx, dtype=float), grid.y0 + grid.spacing * np.arange(ny, dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -341,7 +341,8 @@ def scatter_rocks(
         mesh, scale = group.mesh(number), float(np.exp(rng.uniform(*np.log(group.scales))))
         if not builder.is_free(xy, mesh.footprint * scale):
             return None
-        pose = rock_pose(builder.field, mesh, *xy, float(rng.uniform(0, 2 * np.pi)), scale)
+        x, y = map(float, xy)
+        pose = rock_pose(builder.field, mesh, x, y, float(rng.uniform(0, 2 * np.pi)), scale)
         return builder.add(group.kind, mesh, pose, [(*xy, mesh.footprint * scale)], tint=random_tint(rng, group.tint))
 
     spacings = eased(group.spacing, (1.0, 0.8, 0.6, 0.4, 0.2))

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import EXPERIMENT, BagError
+from fieldtruth.bag.file import EXPERIMENT, BagError, bag_files
 from fieldtruth.bag.geometry import first_message
 from fieldtruth.bag.provenance import read_checksums, sha256_of
 from fieldtruth.bag.run import Run
@@ -94,7 +94,7 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
         "labelled points": sum(int(counts[1:].sum()) for counts in summary.points.values()),
     }
     figures += [Figure(f"{count:,}", "", label) for label, count in counted.items() if count]
-    return [*figures, Figure(*file_size(run.bag.stat().st_size), "bag")]
+    return [*figures, Figure(*file_size(sum(file.stat().st_size for file in bag_files(run.bag))), "bag")]
 
 
 def _count(run: Run, topics: Iterable[str]) -> int:
@@ -231,7 +231,7 @@ def _rate(count: int, duration_s: float) -> str:
 
 
 def checksums(run: Run, progress: Progress) -> tuple[dict[str, str], str]:
-    """SHA-256 of the files of a run by name, and its source: the folder's SHA256SUMS, or else the bag itself."""
+    """SHA-256 of the files of a run by name, and its source: the folder's SHA256SUMS, or else the bag's own files."""
     problem = ""
     try:
         stated = read_checksums(run.folder)
@@ -239,9 +239,10 @@ def checksums(run: Run, progress: Progress) -> tuple[dict[str, str], str]:
         stated, problem = {}, f"{error}. "
     if run.bag.name in stated:
         return dict(list(stated.items())[:ROWS]), "as stated in the run's SHA256SUMS"
-    with progress.stage("checksum", 1.0) as advance:
-        digest = sha256_of(run.bag, advance)
-    return {run.bag.name: digest}, f"{problem}No SHA256SUMS lists this bag; computed from the file"
+    files = bag_files(run.bag)
+    with progress.stage("checksum", float(len(files))) as advance:
+        digests = {file.name: sha256_of(file, advance) for file in files}
+    return digests, f"{problem}No SHA256SUMS lists this bag; computed from the file{'s' * run.bag.is_dir()}"
 
 
 def made_by(run: Run) -> str:

@@ -56,7 +56,7 @@ def _texture(name: str, entry: Entry, source: str) -> Texture:
 
 
 @cache
-def _parameters(draw: str) -> type:
+def _parameters(draw: str) -> type[Any]:
     """Dataclass of a drawing's parameters, all keywords, for their check."""
     _, *own = inspect.signature(DRAWINGS[draw]).parameters.values()
     fields = [(p.name, p.annotation) if p.default is p.empty else (p.name, p.annotation, p.default) for p in own]
