@@ -35,7 +35,7 @@ def test_sheet_shows_route_views_cloud_and_shares(monkeypatch: pytest.MonkeyPatc
     assert len(found.viewpoints) == len(found.shares.pixels) == found.cloud.scans == 5
     assert len(found.views) == 4
     for view in found.views:
-        assert view.images.photo.shape == (48, 64, 3)
+        assert view.photo.shape == (48, 64, 3)
         assert any((view.viewpoint == viewpoint).all() for viewpoint in found.viewpoints)
     assert len(found.cloud.label) <= found.shares.points.sum()
     assert (np.abs(found.cloud.xyz[:, :2]) < 12).all()

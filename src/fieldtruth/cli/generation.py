@@ -139,7 +139,7 @@ def _generate(options: argparse.Namespace) -> int | None:
     # After the checks: compiled kernels and physics take a second to load.
     from fieldtruth.pipeline import generate_by
 
-    with _engine(options) as engine, show_progress() as progress:
+    with _engine(options) as engine, show_progress(title=_title(experiment)) as progress:
         bag = generate_by(
             engine,
             experiment,
@@ -150,6 +150,19 @@ def _generate(options: argparse.Namespace) -> int | None:
         )
     _print_bag(bag, start)
     return None
+
+
+def _title(experiment: "Experiment") -> str:
+    """Say what is simulated, and how much longer a first run takes."""
+    from fieldtruth.simulation.first_run import lacks_kernels
+
+    made = experiment
+    what = (
+        f"{made.seconds:g} s" if made.seconds else "the route" if made.frames is None else f"{made.frames.count} frames"
+    )
+    sensors = f"{len(made.rig.in_order())} sensors in {made.environment}, seed {made.seed}"
+    first = "; the first run compiles, too, and takes one to two minutes longer than later ones"
+    return f"{made.name}: {what} with {sensors}{first * lacks_kernels(made)}"
 
 
 def _print_bag(bag: Path, start: float) -> None:

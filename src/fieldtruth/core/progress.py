@@ -64,16 +64,19 @@ def timed(items: Iterable[S], advance: Advance, start_ns: int) -> Iterator[S]:
 
 
 @contextmanager
-def show_progress(console: "Console | None" = None) -> Iterator[Progress]:
+def show_progress(console: "Console | None" = None, *, title: str = "") -> Iterator[Progress]:
     """Show a bar per stage, by default on stderr; in a log file, where there is no terminal, print a line now and then.
 
-    The time left follows from the speed of the last five minutes, so that it is right for a resumed run, too.
+    The time left follows from the speed of the last five minutes and since the first part was done, before which
+    kernels may compile: so it is right for a first run, and for one that is resumed. ``title`` is the first line.
     """
     from rich.console import Console
     from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
     console = Console(stderr=True) if console is None else console
+    if title:
+        console.print(title, highlight=False, soft_wrap=True)
     if not console.is_terminal:
         yield _Lines(console)
         return
@@ -111,13 +114,15 @@ class _Lines:
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
         start, lock, made = monotonic(), Lock(), 0.0
-        last = start
+        last, first = start, (start, 0.0)
         printed = int(10 * done / total) if total else 0
 
         def advance(amount: float) -> None:
-            nonlocal made, printed, last
+            nonlocal made, printed, last, first
             with lock:
                 made += amount
+                if made == amount:
+                    first = monotonic(), made
                 tenths = int(10 * (done + made) / total) if total else 0
                 if total is None or not printed < tenths < 10:
                     return
@@ -125,8 +130,9 @@ class _Lines:
                 if now - last < _LINES_APART_S:
                     return
                 printed, last = tenths, now
-                left = (now - start) * max(0.0, total - done - made) / made
-                self._console.print(f"{name}: {10 * printed} %, {left:.0f} s left", highlight=False)
+                since = made - first[1]
+                left = (now - first[0]) * max(0.0, total - done - made) / since if since else 0.0
+                self._console.print(f"{name}: {10 * printed} %" + f", {left:.0f} s left" * (since > 0), highlight=False)
 
         yield advance
         self._console.print(f"{name}: done in {monotonic() - start:.1f} s", highlight=False)

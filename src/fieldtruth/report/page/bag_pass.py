@@ -108,7 +108,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     topics, unusable = usable_topics(run)
     summary = BagSummary(unreadable=unusable)
     collectors = _collectors(run, topics)
-    clouds = [lidar.topic for lidar in run.of(Cloud)]
+    clouds = [each.topic for each in run.of(Cloud)]
     tags = [view.topics["label"] for view in run.of(Image, "label")]
     counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(tags, count_pixels) | dict.fromkeys(
         clouds, count_points
@@ -151,12 +151,13 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
-    imus, antennas = run.of(readings.Inertial, recorded=False), run.of(readings.Fix, recorded=False)
-    wheels = run.of(readings.WheelSpeeds, recorded=False)
+    inertial, fixes, wheels = (
+        run.of(kind, recorded=False) for kind in (readings.Inertial, readings.Fix, readings.WheelSpeeds)
+    )
     made: Mapping[str, Collector] = {
         poses: Motion(from_model_states=poses == table.MODEL_STATES),
-        **{imu.topic: Inertial(imu.name * (len(imus) > 1)) for imu in imus},
-        **{each.topic: Fixes(each.name * (len(antennas) > 1)) for each in antennas},
+        **{each.topic: Inertial(each.name * (len(inertial) > 1)) for each in inertial},
+        **{each.topic: Fixes(each.name * (len(fixes) > 1)) for each in fixes},
         **{t: Wheel(name.replace("_", " ")) for each in wheels for name, t in each.topics.items()},
     }
     return {topic: collector for topic, collector in made.items() if topic in topics}

@@ -22,7 +22,7 @@ from fieldtruth.core.png import encode_png
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.report.drawing.images import downscaled, jpeg_below
-from fieldtruth.report.drawing.style import class_colour, shortened
+from fieldtruth.report.drawing.style import class_colour, sensor_nouns, shortened
 from fieldtruth.report.page import tables
 from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, summarize_bag, usable_topics
 from fieldtruth.report.page.cloud import CloudView, accumulate_scans, pack_cloud
@@ -169,7 +169,7 @@ class PageContent:
     curves: tuple[Curve, ...]
     time_ticks: tuple[Tick, ...]
     curve_values: dict[str, Any]
-    cameras: list[tables.CameraRow]
+    views: list[tables.ViewRow]
     frames: list[tables.FrameRow]
     topics: list[tuple[str, str, int, str]]
     checksums: dict[str, str]
@@ -194,7 +194,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     with progress.stage("accumulate scans"):
         cloud, cloud_note = _cloud(run, trajectory)
     aerial, map_note = view_world(run, progress) if trajectory is not None else (None, "")
-    cameras = tables.camera_rows(run)
+    calibrated = tables.view_rows(run)
     classes, class_sums = tables.class_rows(summary)
     checksums, checksums_source = tables.checksums(run, progress)
     visible = frozenset[int]().union(*(view.classes for sample in samples for view in sample.views.values()))
@@ -203,7 +203,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         key_figures=tables.key_figures(run, summary),
         made_by="" if run.experiment is None else tables.made_by(run),
         first_fixes=summary.first_fixes,
-        map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(cameras), None)),
+        map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(calibrated), None)),
         map_note=map_note,
         samples=samples,
         is_pair=[view.side for view in run.of(Image, recorded=False)] == ["left", "right"],
@@ -216,7 +216,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         curves=draw_curves(summary.lines, run.start_ns, run.end_ns),
         time_ticks=time_ticks(run.duration_s),
         curve_values=curve_values(summary.lines, run.start_ns),
-        cameras=cameras,
+        views=calibrated,
         frames=tables.frame_rows(run),
         topics=tables.topic_rows(run),
         checksums=checksums,
@@ -230,13 +230,15 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     )
 
 
-def _counted(run: Run, cameras: int) -> str:
-    """Name what the shares count: pixels of the cameras that the bag has, and points of the LiDARs of the rig."""
-    whose = f"all {cameras} cameras" if cameras > 2 else "the camera" if cameras == 1 else "both cameras"
-    lidars, views = run.of(Cloud, recorded=False), run.of(Image, recorded=False)
-    scans = f"the scans of {len(lidars)} LiDARs" if len(lidars) > 1 else "the scans"
+def _counted(run: Run, views: int) -> str:
+    """Name what the shares count: pixels of the views that the bag has, and points of the clouds of the rig."""
+    whose = f"all {views} cameras" if views > 2 else "the camera" if views == 1 else "both cameras"
+    clouds, images = run.of(Cloud, recorded=False), run.of(Image, recorded=False)
+    scans = (
+        f"the scans of {' and '.join(sensor_nouns(each.config for each in clouds))}" if len(clouds) > 1 else "the scans"
+    )
     pixels, points = f"every pixel in the tag images of {whose}", f"every point in {scans}"
-    return " and of ".join([pixels] * bool(views) + [points] * bool(lidars))
+    return " and of ".join([pixels] * bool(images) + [points] * bool(clouds))
 
 
 def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, str]:
@@ -245,6 +247,6 @@ def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, s
     except UNEXPECTED as error:
         return None, f"The clouds cannot be shown: {reason(error)}."
     if cloud is None:
-        topics = ", ".join(lidar.topic for lidar in run.of(Cloud, recorded=False))
-        return None, f"The bag has no {topics}." if topics else "The rig has no LiDAR."
+        topics = ", ".join(each.topic for each in run.of(Cloud, recorded=False))
+        return None, f"The bag has no {topics}." if topics else "The rig has no sensor that gives clouds."
     return (pack_cloud(cloud, trajectory), "") if len(cloud.xyz) else (None, "The clouds have no points.")

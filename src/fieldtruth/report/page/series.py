@@ -25,7 +25,7 @@ CHANNELS: Final = 40
 Stamps = NDArray[np.int64]
 _POSE_INTERVAL: Final = 19_000_000  # [ns]; keeps every pose of a topic at 50 Hz
 SPEED, TILT, HEADING, HEIGHT = "speed", "tilt", "heading", "height"
-TURNING, ACCELERATION, WHEELS, GNSS = "turning", "acceleration", "wheels", "gnss"
+TURNING, ACCELERATION, WHEELS, POSITION = "turning", "acceleration", "wheels", "position"
 Row = tuple[float, ...]
 Time = tuple[int, int, int]
 """First and last stamp [ns], and the number of intervals that readings are reduced to."""
@@ -194,7 +194,7 @@ class Fixes(Collector):
     def curves(self, rows: Array) -> Curves:
         """Distances from the first fix."""
         east, north, up = pymap3d.geodetic2enu(*rows.T, *rows[0])
-        return {GNSS: {"north": north, "east": east, "up": up}}
+        return {POSITION: {"north": north, "east": east, "up": up}}
 
 
 class Wheel(Collector):
@@ -231,7 +231,7 @@ _KINDS: Final = {
     TURNING: _Kind("Angular velocity", "rad/s", "the IMU", "in its own frame", 0.1),
     ACCELERATION: _Kind("Acceleration", "m/s²", "the IMU", "in its own frame, including gravity", 1.0),
     WHEELS: _Kind("Wheel speed", "rad/s", "the tachometers", "", 0.5),
-    GNSS: _Kind("GNSS", "m", "", "from the first fix", 0.5),
+    POSITION: _Kind("Position", "m", "", "from the first fix", 0.5),
 }
 
 

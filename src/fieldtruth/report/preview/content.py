@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core import transforms
+from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.progress import Progress
+from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.config import metres_from_route
-from fieldtruth.experiment.rig import Rig, visible_parts
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import IdealLidar
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld, standing
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.world.model import World
 
 APART: Final = 12.0
@@ -101,10 +101,11 @@ class Route(NamedTuple):
 
 
 class View(NamedTuple):
-    """Images of the camera of a sheet at a viewpoint: x, y [m] and heading [rad]."""
+    """Images of a sheet at a viewpoint: x, y [m] and heading [rad]."""
 
     viewpoint: Array  # (3,)
-    images: CameraImages
+    photo: NDArray[np.uint8]
+    label: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,8 +117,8 @@ class SheetContent:
     viewpoints: Array
     shares: ClassShares
     aerial: Aerial
-    camera: Imager | None
-    """The first view of the rig, that of ``views``; None for a rig without cameras."""
+    imager: Imager | None
+    """The first view of the rig, that of ``views``; None for a rig without images."""
     views: tuple[View, ...]
     cloud: Cloud
 
@@ -145,6 +146,8 @@ def collect_content(
     with progress.stage("prepare the scene"):
         scene = Scene(world)
         baked = bake(scene, workers=workers)
+        ideal = rig.with_each(lambda each: {"signal": None, "clock": None})
+        sensors = new_sensors(SensorWorld(world, ideal, baked=baked))
     paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
         Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
@@ -160,46 +163,43 @@ def collect_content(
         shares = count_classes(scene, rig, poses, workers=workers)
     with progress.stage("render images"):
         aerial = render_aerial(baked, aerial_width)
-        imager = next(iter(rig.imagers), None)
-        views = () if imager is None else _views(imager, baked, poses, viewpoints, shares, robot_views(rig))
+        views = _views(sensors, poses, viewpoints, shares)
     with progress.stage("scan"):
-        cloud = _scan(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
+        cloud = _scan(world, sensors, poses[:: max(1, -(-len(poses) // SCANS))])
     return SheetContent(
         world=world,
         routes=routes,
         viewpoints=viewpoints,
         shares=shares,
         aerial=aerial,
-        camera=imager,
+        imager=next(iter(rig.imagers), None),
         views=views,
         cloud=cloud,
     )
 
 
 def _views(
-    imager: Imager,
-    baked: BakedScene,
-    poses: Sequence[Array],
-    viewpoints: Array,
-    shares: ClassShares,
-    robots: Mapping[str, RobotView],
+    sensors: Mapping[str, Sensor], poses: Sequence[Array], viewpoints: Array, shares: ClassShares
 ) -> tuple[View, ...]:
-    camera, robot = IdealCamera(imager.config, baked), robots.get(imager.name)
+    """Images of the first view, from where it sees most."""
+    eye = next((sensor for sensor in sensors.values() if issubclass(sensor.config.gives, Image)), None)
+    if eye is None:
+        return ()
+    output = eye.config.outputs()[0]
     rows = most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
-    return tuple(View(viewpoints[row], camera.render(poses[row] @ imager.base_from_optical, robot)) for row in rows)
+    found = (eye.read(output, At(row, 0, 0, standing(poses[row]))) for row in rows)
+    return tuple(View(viewpoints[row], each.photo, each.label) for row, each in zip(rows, found, strict=True))
 
 
-def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
-    """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
-    lidars = [
-        (IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor)
-        for config in rig.enabled(LidarConfig)
-    ]
+def _scan(world: World, sensors: Mapping[str, Sensor], poses: Sequence[Array]) -> Cloud:
+    """Points inside the edges of the world, from a cloud of each sensor at each pose world_from_base (4, 4)."""
+    scanners = [sensor for sensor in sensors.values() if issubclass(sensor.config.gives, readings.Cloud)]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
-    for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
-        scan = lidar.scan(world_from_lidar)
-        points = transforms.transform(world_from_lidar, scan.xyz)
-        inside = (np.abs(points[:, :2]) < np.array(scene.world.size) / 2).all(axis=1)
-        xyz.append(points[inside])
-        label.append(scan.label[inside])
-    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(lidars))
+    for number, pose in enumerate(poses):
+        for sensor in scanners:
+            scan = sensor.read(sensor.config.outputs()[0], At(number, 0, 0, standing(pose)))
+            points = transforms.transform(pose @ sensor.config.base_from_frames()[scan.frame], scan.xyz)
+            inside = (np.abs(points[:, :2]) < np.array(world.size) / 2).all(axis=1)
+            xyz.append(points[inside])
+            label.append(scan.label[inside])
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners))

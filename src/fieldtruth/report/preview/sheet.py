@@ -17,7 +17,7 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, SemanticClass
+from fieldtruth.core.classes import CLASSES, PALETTE, SemanticClass
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
@@ -35,7 +35,6 @@ from fieldtruth.report.drawing.style import (
 )
 from fieldtruth.report.preview.content import Route, SheetContent, View
 from fieldtruth.report.shares import ClassShares
-from fieldtruth.sensors.camera.labels import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 
@@ -59,8 +58,8 @@ def draw_map(axes: Axes, content: SheetContent) -> None:
         _draw_arrows(axes, line, route.path, colour)
         _draw_start(axes, line[0], route, colour, aerial)
     for number, view in enumerate(content.views, 1):
-        assert content.camera is not None
-        _draw_viewpoint(axes, aerial, view, number, content.camera)
+        assert content.imager is not None
+        _draw_viewpoint(axes, aerial, view, number, content.imager)
     _draw_scale_and_north(axes, aerial)
 
 
@@ -105,10 +104,10 @@ def _draw_start(axes: Axes, start: Array, route: Route, colour: str, aerial: Aer
     _write(axes, column, row, route.name, 7.6, color=INK, bbox=plate, zorder=6)
 
 
-def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, camera: Imager) -> None:
+def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, imager: Imager) -> None:
     x, y, heading = view.viewpoint
-    seen = np.array([x, y, heading + heading_of(camera)])
-    fov = np.radians(camera.config.horizontal_fov_deg)
+    seen = np.array([x, y, heading + heading_of(imager.base_from_optical)])
+    fov = np.radians(imager.config.horizontal_fov_deg)
     outline = aerial.ground_pixels(sector(seen, _FIELD_OF_VIEW, fov))
     axes.fill(*outline.T, facecolor="white", alpha=0.45, linewidth=0.0, zorder=3)
     badge(axes, outline[0, 0], outline[0, 1], number)
@@ -235,10 +234,10 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content)
     paper.heading(_EDGE, views_top, "Camera views", _views_caption(content))
     for number, view in enumerate(content.views, 1):
-        left, photo = _EDGE + (number - 1) * (column + _GAP), view.images.photo
+        left, photo = _EDGE + (number - 1) * (column + _GAP), view.photo
         axes = paper.image_at(photo, left, views_top, column, view_height)
         badge(axes, 0.058 * photo.shape[1], 0.1 * photo.shape[0], number)
-        paper.image_at(tag_image(view.images.label), left, views_top + view_height + 0.05, column, view_height)
+        paper.image_at(PALETTE[view.label], left, views_top + view_height + 0.05, column, view_height)
     points = f"{len(content.cloud.label):,}".replace(",", " ")
     paper.heading(_EDGE, cloud_top, "Labelled cloud", f"{content.cloud.scans} scans, {points} points")
     paper.image_at(_cloud_image(content, pixels), _EDGE, cloud_top, *_CLOUD)
@@ -265,9 +264,9 @@ def _map_caption(content: SheetContent) -> str:
 
 
 def _views_caption(content: SheetContent) -> str:
-    if content.camera is None:
+    if content.imager is None:
         return "the rig has no camera"
-    return f"{content.camera.name} camera: photograph and class of each pixel"
+    return f"{content.imager.name} camera: photograph and class of each pixel"
 
 
 def _cloud_image(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
