@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sheet about an environment: aerial view with routes, camera images with labels, labelled cloud, class shares."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ def preview(
     environment: str,
     seed: int = 0,
     *,
+    layout: Mapping[str, Any] | None = None,
     width: int = WIDTH,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -36,6 +38,7 @@ def preview(
     Args:
         environment: a name from ``list_environments``.
         seed: of the world.
+        layout: changes to the environment's layout.
         width: of the sheet [pixel]; the height is about 1.3 times the width.
         workers: threads; None takes every available core. The sheet does not depend on it.
         progress: receives the stages of the work.
@@ -46,7 +49,7 @@ def preview(
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     with progress.stage("build the world"):
-        world = load_world(environment, seed)
+        world = load_world(environment, seed, layout)
     content = collect_content(world, aerial_width=width, workers=workers, progress=progress)
     with progress.stage("lay out the sheet"):
         return draw_sheet(content, width)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Content of a preview sheet before it is laid out: viewpoints, images, routes, cloud and counts of an environment."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -15,6 +14,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
+from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager
@@ -29,7 +29,7 @@ from fieldtruth.world.model import World
 
 APART: Final = 12.0
 """Preferred distance [m] between two viewpoints."""
-_CLEARANCE: Final = 1.5  # [m]
+_CLEARANCE: Final = 1.0  # [m] around the robot
 _INSET: Final = 0.16  # share of the world's sides
 
 
@@ -55,34 +55,16 @@ def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
     return sorted(chosen)
 
 
-def free_viewpoints(world: World, count: int, rng: np.random.Generator) -> Array:
-    """Random viewpoints (n, 3), x, y [m] and heading [rad], on dry ground, off obstacles, facing the middle.
+def free_viewpoints(world: World, rig: Rig, count: int, rng: np.random.Generator) -> Array:
+    """Random viewpoints (n, 3), x, y [m] and heading [rad], where the robot could stand, facing the middle.
 
     There are fewer than ``count`` if 200 draws for each are not enough.
     """
     sides = np.array(world.size)
     xy = rng.uniform(-0.5 + _INSET, 0.5 - _INSET, (200 * count, 2)) * sides
-    free = np.ones(len(xy), np.bool_)
-    for x, y, radius in obstacles(world):
-        free &= np.hypot(xy[:, 0] - x, xy[:, 1] - y) - radius > _CLEARANCE
-    if world.water_level is not None:
-        free &= world.terrain.field.height_at(xy[:, 0], xy[:, 1]) > world.water_level
-    xy = xy[free][:count]
+    xy = xy[Traversability(world, rig).clearance_at(xy) > _CLEARANCE][:count]
     target = rng.uniform(-0.2, 0.2, (len(xy), 2)) * sides
     return np.column_stack([xy, np.arctan2(target[:, 1] - xy[:, 1], target[:, 0] - xy[:, 0])])
-
-
-def obstacles(world: World) -> Array:
-    """Circles (n, 3), x, y and radius [m], around all colliders."""
-    circles = []
-    for instance in world.instances:
-        pose = instance.world_from_object
-        scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
-        for collider in world.meshes[instance.mesh].colliders:
-            x, y, _, _ = pose @ [*collider.position, 1.0]
-            radius = collider.size[0] if collider.shape == "cylinder" else math.hypot(*collider.size[:2]) / 2
-            circles.append((x, y, radius * scale))
-    return np.array(circles).reshape(-1, 3)
 
 
 VIEWS: Final = 4
@@ -156,7 +138,7 @@ def collect_content(
     viewpoints = (
         np.concatenate([poses_along(path, spacing) for path in paths])
         if paths
-        else free_viewpoints(world, FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]))
+        else free_viewpoints(world, rig, FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]))
     )
     poses = [pose_on_ground(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
     with progress.stage("count classes"):
