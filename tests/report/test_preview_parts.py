@@ -18,8 +18,7 @@ from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, Aerial, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
-from fieldtruth.report.preview.content import free_viewpoints, most_informative
-from fieldtruth.report.preview.sheet import view_of
+from fieldtruth.report.preview import free_viewpoints, most_informative, view_of
 from fieldtruth.sense.scene import Scene
 
 

@@ -11,10 +11,8 @@ import fieldtruth
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.report.preview import content as content_module
-from fieldtruth.report.preview import preview
-from fieldtruth.report.preview.content import SheetContent, collect_content
-from fieldtruth.report.preview.sheet import draw_sheet, occurring_classes
+from fieldtruth.report import preview as content_module
+from fieldtruth.report.preview import SheetContent, collect_content, draw_sheet, occurring_classes, preview
 
 
 def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:

@@ -26,12 +26,11 @@ from fieldtruth.core.readings import Inertial, Odometry
 from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.report import preview as content_module
 from fieldtruth.report.card import cloud_frames, frame_content, note_lines, sensor_lines
 from fieldtruth.report.page import write_report
 from fieldtruth.report.page.cloud import accumulate_scans
-from fieldtruth.report.preview import content as content_module
-from fieldtruth.report.preview.content import collect_content
-from fieldtruth.report.preview.sheet import draw_sheet
+from fieldtruth.report.preview import collect_content, draw_sheet
 from fieldtruth.report.shares import count_classes
 from fieldtruth.report.viewer import view
 from fieldtruth.sense.scene import Scene

@@ -23,7 +23,7 @@ from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent, sensor_nouns
-from fieldtruth.report.preview.sheet import Paper
+from fieldtruth.report.preview import Paper
 from fieldtruth.sense.robot import meet, part_table
 
 HALF: Final = 10.0
