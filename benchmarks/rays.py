@@ -16,7 +16,7 @@ from numba import njit
 from views import poses_on_route
 
 import fieldtruth as ft
-from fieldtruth.bench.bare import MODES, BareTracer
+from fieldtruth.bench.sensors import MODES, BareTracer
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.packets import Packet, new_packet, set_ray

@@ -17,8 +17,7 @@ from scaling import image_time_ratio, is_tree, with_trees_around
 from views import poses_on_route
 
 from fieldtruth.bench import Settings, measure, settings_of, table, unit_of
-from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.sensors import Stretches, recording, stretches_of
+from fieldtruth.bench.sensors import MODES, BareTracer, Mode, Stretches, best_mode, recording, stretches_of
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive

@@ -12,8 +12,18 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.bag_pass import class_ids, count_pixels
-from fieldtruth.report.page.series import BUCKETS, VERTICES, Fixes, Line, Motion, decimated, draw_curves, time_ticks
+from fieldtruth.report.page.bag_pass import (
+    BUCKETS,
+    VERTICES,
+    Fixes,
+    Line,
+    Motion,
+    class_ids,
+    count_pixels,
+    decimated,
+    draw_curves,
+    time_ticks,
+)
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9

@@ -161,7 +161,7 @@ def _title(experiment: "Experiment") -> str:
         f"{made.seconds:g} s" if made.seconds else "the route" if made.frames is None else f"{made.frames.count} frames"
     )
     sensors = f"{len(made.rig.in_order())} sensors in {made.environment}, seed {made.seed}"
-    first = "; the first run compiles, too, and takes one to two minutes longer than later ones"
+    first = "; the first run compiles, too, and takes a minute or two longer than later ones"
     return f"{made.name}: {what} with {sensors}{first * lacks_kernels(made)}"
 
 
