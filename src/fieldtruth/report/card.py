@@ -88,7 +88,8 @@ def sensor_lines(rig: Rig) -> list[str]:
 
 
 def _figures(sensor: SensorConfig, rig: Rig) -> str:
-    return f"- {_named(sensor, rig)}: {sensor.summary() or sensor.figures()}"
+    words = sensor.summary() or sensor.figures()
+    return f"- {_named(sensor, rig)}" + f": {words}" * (words != "-")
 
 
 def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
