@@ -36,7 +36,7 @@ _SCANS: Final = 10  # of each LiDAR in each stretch: they are short, so that a s
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What is measured, and how often."""
+    """The experiment that is measured, and the number of views."""
 
     experiment: Experiment
     views: int = 12

@@ -98,7 +98,7 @@ def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
 
 
 def _real(sensor: SensorConfig) -> str:
-    """What makes a sensor other than ideal."""
+    """Name the errors and the clock of a sensor that is not ideal."""
     what = ["errors of a real sensor (`signal` in experiment.yaml)"] * (sensor.signal is not None)
     if (clock := sensor.clock) is not None:
         what.append(
@@ -135,7 +135,7 @@ def ray_depths(rig: Rig) -> str:
 
 
 def frame_content(rig: Rig) -> str:
-    """What one separate frame consists of."""
+    """Name the readings of one separate frame."""
     views, scanners = rig.imagers, rig.giving(Cloud)
     is_pair = len(rig.enabled(ImagingConfig)) == 1 and len(views) == 2
     images = "a stereo pair" if is_pair else f"{len(views)} images" if len(views) > 1 else "an image"

@@ -103,12 +103,12 @@ def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
     return sorted(chosen)
 
 
-def free_viewpoints(world: World, rig: Rig, count: int, rng: np.random.Generator) -> Array:
+def free_viewpoints(world: World, rig: Rig) -> Array:
     """Random viewpoints (n, 3), x, y [m] and heading [rad], where the robot could stand, facing the middle.
 
-    There are fewer than ``count`` if 200 draws for each are not enough.
+    There are fewer than ``FREE_VIEWPOINTS`` if 200 draws for each are not enough.
     """
-    sides = np.array(world.size)
+    count, rng, sides = FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]), np.array(world.size)
     xy = rng.uniform(-0.5 + _INSET, 0.5 - _INSET, (200 * count, 2)) * sides
     xy = xy[Traversability(world, rig).clearance_at(xy) > _CLEARANCE][:count]
     target = rng.uniform(-0.2, 0.2, (len(xy), 2)) * sides
@@ -173,14 +173,11 @@ def collect_content(
         sensors = new_sensors(SensorWorld(world, ideal, baked=baked))
     paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
-        Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
-        for experiment, path in zip(experiments, paths, strict=True)
+        Route(each.name, metres_from_route(each.route), path[:, :2])
+        for each, path in zip(experiments, paths, strict=True)
     )
-    viewpoints = (
-        np.concatenate([poses_along(path, spacing) for path in paths])
-        if paths
-        else free_viewpoints(world, rig, FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]))
-    )
+    along = [poses_along(path, spacing) for path in paths]
+    viewpoints = np.concatenate(along) if along else free_viewpoints(world, rig)
     poses = [pose_on_ground(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
     with progress.stage("count classes"):
         shares = count_classes(scene, rig, poses, workers=workers)

@@ -177,11 +177,11 @@ class PageContent:
     map_note: str
     samples: list[Sample]
     is_pair: bool
-    """Whether all images are those of one stereo pair."""
+    """True if all images are those of one stereo pair."""
     image_classes: tuple[tuple[str, str], ...]
     """Name and colour of the classes in the tag images."""
     counted: str
-    """What the class shares count."""
+    """Names the pixels and points of the class shares."""
     cloud: CloudView | None
     cloud_note: str
     classes: list[tables.ClassRow]

@@ -70,7 +70,7 @@ class _Kind(NamedTuple):
     title: str
     unit: str
     whose: str
-    """What is measured; of one of several sensors, its name replaces this."""
+    """Body or sensor; of one of several sensors, its name replaces this."""
     note: str
     least_span: float
     """Smallest span of the axis, so that nearly constant values do not look like noise."""

@@ -59,7 +59,7 @@ def view_world(run: Run, progress: Progress) -> tuple[Aerial | None, str]:
 
 
 def _same_objects(run: Run, world: World) -> bool:
-    """Whether the objects in the bag, if it has any, have the names and positions of the world's."""
+    """Return True if the objects in the bag, if it has any, have the names and positions of the world's."""
     names, poses = read_objects(run)
     return not names or (
         names == (ROBOT, *world.object_names[1:])
@@ -81,7 +81,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Map:
-    """What the page draws, in units of an image ``width`` x ``height``."""
+    """Parts of the page's map, in units of an image ``width`` x ``height``."""
 
     width: float
     height: float

@@ -265,6 +265,6 @@ def richest_topic(run: Run) -> tuple[str, str]:
 
 
 def has_frames(run: Run) -> bool:
-    """Whether the bag has the first cloud and the first image of its rig."""
+    """Return True if the bag has the first cloud and the first image of its rig."""
     clouds, images = run.of(Cloud, recorded=False)[:1], run.of(Image, recorded=False)[:1]
     return bool(clouds and images) and all(each.has(run.counts) for each in (*clouds, *images))

@@ -65,11 +65,11 @@ class SensorView:
 
     @property
     def scans(self) -> bool:
-        """Whether it gives clouds, not images."""
+        """True if it gives clouds, not images."""
         return isinstance(self.config, ScanningConfig)
 
     def sees(self, points_base: Array) -> Mask:
-        """Which of the points (n, 3) [m] in base_link are in its field of view and range; nothing hides any.
+        """Mask (n,) of the points (n, 3) [m] in base_link in its field of view and range; nothing hides any.
 
         The field of view of one that scans has all elevations from its lowest to its highest beam.
         """
@@ -204,7 +204,7 @@ _RINGS: Final = 48  # circles of beams that are drawn
 
 
 class Window(NamedTuple):
-    """What a view shows [m]: its middle and lower end, half its width, and its height; and the robot's size."""
+    """Extent of a view [m]: its middle and lower end, half its width, and its height; and the robot's size."""
 
     middle: float
     low: float
@@ -367,7 +367,7 @@ def draw_rig(rig: Rig, name: str, pixels: int = PIXELS) -> NDArray[np.uint8]:
 
 
 def ground_classes(coverage: Coverage) -> dict[str, Mask]:
-    """Which points of the ground (n, n) belong to each class of ``_GROUND``; each point belongs to one."""
+    """Masks (n, n) of the points of the ground by class of ``_GROUND``; each point belongs to one."""
     cloud, image = coverage.seen(scans=True), coverage.seen(scans=False)
     through = coverage.in_view.any(axis=0) & ~cloud & ~image
     masks = (~(cloud | image | through), through, cloud & ~image, image & ~cloud, cloud & image)
