@@ -68,17 +68,16 @@ def show_progress(console: "Console | None" = None, *, title: str = "") -> Itera
     """Show a bar per stage, by default on stderr; in a log file, where there is no terminal, print a line now and then.
 
     The time left follows from the speed of the last five minutes and since the first part was done, before which
-    kernels may compile: so it is right for a first run, and for one that is resumed. ``title`` is the first line.
+    kernels may compile: so it is right for a first run, and for one that is resumed. ``title`` is the line
+    before the first stage.
     """
     from rich.console import Console
     from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
     console = Console(stderr=True) if console is None else console
-    if title:
-        console.print(title, highlight=False, soft_wrap=True)
     if not console.is_terminal:
-        yield _Lines(console)
+        yield _Lines(console, title)
         return
     columns = (
         SpinnerColumn(finished_text="✓"),
@@ -89,15 +88,29 @@ def show_progress(console: "Console | None" = None, *, title: str = "") -> Itera
         TimeRemainingColumn(),
     )
     with Bars(*columns, console=console, speed_estimate_period=300.0) as bars:
-        yield _Bars(bars)
+        yield _Bars(bars, title)
 
 
-class _Bars:
-    def __init__(self, bars: "Bars") -> None:
+class _Titled:
+    """Prints a title before the first stage: of work that is refused, the error is the only line."""
+
+    def __init__(self, console: "Console", title: str) -> None:
+        self._console, self._title = console, title
+
+    def _begin(self) -> None:
+        if self._title:
+            self._console.print(self._title, highlight=False, soft_wrap=True)
+            self._title = ""
+
+
+class _Bars(_Titled):
+    def __init__(self, bars: "Bars", title: str) -> None:
+        super().__init__(bars.console, title)
         self._bars = bars
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
+        self._begin()
         share = "" if total is None else f"of {total:.1f} s simulated"
         task = self._bars.add_task(name, total=total, share=share)
         self._bars.update(task, completed=done)
@@ -105,14 +118,12 @@ class _Bars:
         self._bars.update(task, total=total or 1.0, completed=total or 1.0)
 
 
-class _Lines:
+class _Lines(_Titled):
     """A line at each tenth of a stage, at most one a second, for log files."""
-
-    def __init__(self, console: "Console") -> None:
-        self._console = console
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
+        self._begin()
         start, lock, made = monotonic(), Lock(), 0.0
         last, first = start, (start, 0.0)
         printed = int(10 * done / total) if total else 0
