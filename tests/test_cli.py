@@ -213,7 +213,7 @@ def test_preview_writes_the_sheet(
     assert calls[-1][:3] == ("forest", 0, {"season": "winter"})
     (tmp_path / "layout.yaml").write_text("seasons: winter\n")
     capsys.readouterr()
-    assert cli.main(["preview", "forest", "--layout", "layout.yaml"]) == 2
+    assert cli.main(["preview", "forest", "--layout", "layout.yaml", "--overwrite"]) == 2
     assert capsys.readouterr().err.startswith("error: layout.yaml: ")
 
 
