@@ -272,7 +272,7 @@ def test_sheet_shows_the_first_camera_and_every_lidar_of_a_rig(
 ) -> None:
     monkeypatch.setattr(content_module, "experiments_in", lambda environment: [EXPERIMENT])
     found = collect_content(small_park(), aerial_width=160, rig=rig, spacing=3.0, workers=2, progress=Silent())
-    assert (found.camera.name if found.camera else None) == name
+    assert (found.imager.name if found.imager else None) == name
     assert len(found.views) == (4 if name else 0)
     assert found.cloud.scans == scans
     assert draw_sheet(found, 1200).shape[1:] == (1200, 3)

@@ -88,7 +88,7 @@ def shares_of(
     return found
 
 
-def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int) -> ClassShares:
+def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
     """Count the classes that the sensors of a rig see from poses world_from_base (4, 4), one row per pose.
 
     Sensors that are not enabled count, too, and all as ideal ones. Of a stereo pair only the left view counts.
