@@ -9,7 +9,7 @@ import simplejpeg
 from numpy.typing import NDArray
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CameraInfo as CameraInfo
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CompressedImage as CompressedImage
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as Image
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as ImageMessage
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
 from fieldtruth.bag import messages as ros
@@ -50,7 +50,7 @@ def tag(seq: int, stamp_ns: int, frame: str, label: NDArray[np.uint8]) -> bytes:
     height, width = label.shape
     head = ros.header(seq, stamp_ns, frame)
     flat = np.take(PALETTE, label, axis=0)  # five times as fast as PALETTE[label], which holds the GIL
-    message = Image(head, height, width, "rgb8", 0, 3 * width, flat.reshape(-1))
+    message = ImageMessage(head, height, width, "rgb8", 0, 3 * width, flat.reshape(-1))
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 
@@ -83,7 +83,7 @@ def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[A
     height, width = pixels.shape[:2]
     head = ros.header(seq, stamp_ns, frame)
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
-    message = Image(head, height, width, encoding, 0, pixels[:1].nbytes, data)
+    message = ImageMessage(head, height, width, encoding, 0, pixels[:1].nbytes, data)
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 

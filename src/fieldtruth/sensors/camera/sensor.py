@@ -12,7 +12,6 @@ from fieldtruth.drive.track import PoseAt
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import RobotView, part_table, robot_view
-from fieldtruth.sensors.camera import message
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages, Light, standing_at
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld
@@ -47,17 +46,17 @@ class CameraSensor(Sensor):
         config, stamp, frame = self.config, reading.header_ns, reading.frame
         assert reading.photo is not None
         assert reading.label is not None
-        yield message.camera_info(number, stamp, self._views[output.part])
-        yield message.photograph(number, stamp, frame, reading.photo, config)
-        yield message.tag(number, stamp, frame, reading.label)
+        yield camera_info(number, stamp, self._views[output.part])
+        yield photograph(number, stamp, frame, reading.photo, config)
+        yield tag(number, stamp, frame, reading.label)
         if config.depth and reading.depth is not None:
-            yield message.depth(number, stamp, frame, reading.depth)
+            yield depth(number, stamp, frame, reading.depth)
         if config.instances and reading.instance is not None:
-            yield message.instances(number, stamp, frame, reading.instance, wide_ids=self.sensor_world.wide_ids)
+            yield instances(number, stamp, frame, reading.instance, wide_ids=self.sensor_world.wide_ids)
         if config.normals and reading.normal is not None:
-            yield message.normals(number, stamp, frame, reading.normal)
+            yield normals(number, stamp, frame, reading.normal)
         if config.flow and reading.flow is not None:
-            yield message.flow(number, stamp, frame, reading.flow)
+            yield flow(number, stamp, frame, reading.flow)
 
     def _image(self, images: CameraImages, imager: Imager, at: At) -> Image:
         return Image(

@@ -9,7 +9,6 @@ import numpy as np
 from fieldtruth.core.readings import Fix
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssFixes, GnssReadings, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
@@ -38,7 +37,7 @@ class Gnss(MotionSensor):
         k, fixes = at.number, series.fixes
         stamps = {**at.stamps, "frame": self.config.frame}
         if fixes is None:
-            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
+            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=FIX)
         return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
 
     def facts(self, movement: Movement) -> list[str]:
@@ -49,7 +48,7 @@ class Gnss(MotionSensor):
     def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:
         """Serialise sensor_msgs/NavSatFix."""
         signal = None if output.ideal else self.config.signal
-        return [message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)]
+        return [navsat(number, reading) if signal is None else navsat(number, reading, signal.service)]
 
 
 def _line(name: str, fixes: GnssFixes) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as ImuMessage
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
@@ -30,7 +30,7 @@ class ImuReading(Inertial):
 def imu(k: int, reading: ImuReading) -> bytes:
     """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
     attitude, rate, force = reading.covariances
-    message = Imu(
+    message = ImuMessage(
         ros.header(k, int(reading.header_ns), reading.frame),
         ros.quaternion(reading.orientation_wxyz),
         attitude,

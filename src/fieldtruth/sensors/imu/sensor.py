@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.sensors.imu import message
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.message import ImuReading
 from fieldtruth.sensors.imu.sensing import ImuErrors, ImuTruth, MeasuredImu
@@ -28,7 +27,7 @@ class Imu(MotionSensor):
     def extend(self, memory: tuple[ImuTruth, ImuErrors | None], track: Track) -> tuple[MeasuredImu, MeasuredImu]:
         """Return what an ideal IMU reads, whose covariances are unknown, and what a real one reads."""
         truth, errors = memory
-        true = MeasuredImu(truth.extend(track.motion), *message.UNKNOWN)
+        true = MeasuredImu(truth.extend(track.motion), *UNKNOWN)
         return true, true if errors is None else errors.extend(true.readings)
 
     def reading(self, output: Output, at: At, series: MeasuredImu) -> ImuReading:
@@ -45,4 +44,4 @@ class Imu(MotionSensor):
 
     def messages(self, output: Output, number: int, reading: ImuReading) -> Iterable[bytes]:
         """Serialise sensor_msgs/Imu."""
-        return [message.imu(number, reading)]
+        return [imu(number, reading)]

@@ -12,7 +12,6 @@ from fieldtruth.core.readings import Joints, Reading, WheelSpeeds
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import BASE, ODOM, Output
 from fieldtruth.sensors.kind import At, MotionSensor
-from fieldtruth.sensors.wheel_odometry import message
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.message import WheelReading
 from fieldtruth.sensors.wheel_odometry.sensing import MeasuredWheels, TrueWheels, WheelErrors, WheelTruth
@@ -68,8 +67,8 @@ class Wheels(MotionSensor):
     def messages(self, output: Output, number: int, reading: Reading) -> Iterable[bytes]:
         """Serialise std_msgs/Float32 for each wheel, sensor_msgs/JointState or nav_msgs/Odometry."""
         if isinstance(reading, WheelSpeeds):
-            return map(message.wheel_speed, reading.speed)
+            return map(wheel_speed, reading.speed)
         if isinstance(reading, Joints):
-            return [message.joint_states(number, reading)]
+            return [joint_states(number, reading)]
         assert isinstance(reading, WheelReading)
-        return [message.wheel_odometry(number, reading)]
+        return [wheel_odometry(number, reading)]
