@@ -34,7 +34,6 @@ How bright the ground below snow looks to a LiDAR; on what stands there, snow do
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from importlib.resources import files
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -43,7 +42,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.core.random import rng_of
-from fieldtruth.core.yaml_io import parse_mapping
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder
 from fieldtruth.kernels.lidar import (
@@ -184,9 +183,6 @@ def _nodes(raster: Raster) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float
     return list(np.meshgrid(*axes, indexing="ij"))
 
 
-FILE: Final = "reflectance.yaml"
-
-
 class Reflectance(NamedTuple):
     """Share of the light that a surface reflects, and how much of that in a lobe about the mirrored direction."""
 
@@ -199,13 +195,12 @@ class Reflectance(NamedTuple):
 
 @cache
 def _table() -> dict[str, dict[str, Reflectance]]:
-    text = (files("fieldtruth.sensors.lidar") / FILE).read_text(encoding="utf-8")
     return {
         section: {
             name: Reflectance(*(float(entry[key]) for key in ("value", "gloss", "exponent") if key in entry))
             for name, entry in entries.items()
         }
-        for section, entries in parse_mapping(text, FILE).items()
+        for section, entries in package_data("fieldtruth.sensors.lidar", "reflectance.yaml").items()
     }
 
 
