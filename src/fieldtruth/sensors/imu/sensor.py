@@ -26,8 +26,6 @@ Covariances = tuple[Array, Array, Array]
 
 
 UNKNOWN: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
-
-
 """Covariances of an ideal IMU, which ROS reads as unknown."""
 
 
