@@ -69,7 +69,7 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
 
 
 class WorldChoice(Protocol):
-    """The part of an experiment that shapes its world; an import of `Experiment` would add all sensors to `world_key`."""
+    """The part of an experiment that shapes its world: `Experiment` itself would add all sensors to `world_key`."""
 
     @property
     def environment(self) -> str:
