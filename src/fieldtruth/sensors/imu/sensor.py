@@ -23,8 +23,6 @@ from fieldtruth.sensors.imu.sensing import ImuErrors, ImuTruth, MeasuredImu
 from fieldtruth.sensors.kind import At, MotionSensor
 
 Covariances = tuple[Array, Array, Array]
-
-
 UNKNOWN: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
 """Covariances of an ideal IMU, which ROS reads as unknown."""
 

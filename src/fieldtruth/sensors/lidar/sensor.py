@@ -21,25 +21,15 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
-
-
 _RING: Final = [("ring", "<u2")]
-
-
 _MAKERS: Final = {
     "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
     "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
 }
 """Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
-
-
 MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
 """Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
-
-
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
-
-
 _DATATYPES: Final = {
     "<f4": PointField.FLOAT32,
     "<f8": PointField.FLOAT64,

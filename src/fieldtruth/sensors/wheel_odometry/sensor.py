@@ -26,8 +26,6 @@ from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.sensing import MeasuredWheels, TrueWheels, WheelErrors, WheelTruth
 
 Covariances = tuple[Array, Array]
-
-
 VARIANCES: Final = (0.001, 0.001, 0.001, 0.001, 0.001, 0.03)
 """Of x, y, z [m^2], roll, pitch, yaw [rad^2], and of their rates: those that a Husky's driver states (husky_control,
 control.yaml). They are constants, although the error of dead reckoning grows."""
