@@ -5,8 +5,10 @@
 Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a filter must be given its own.
 """
 
-from typing import Final
+import struct
+from typing import Any, Final
 
+import numpy as np
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
@@ -17,17 +19,15 @@ from fieldtruth.sensors.gnss.config import SERVICE
 FIX: Final = int(NavSatStatus.STATUS_FIX)
 
 
-def navsat(k: int, reading: Fix, service: int = SERVICE["gps"]) -> bytes:
+def navsat(k: Any, reading: Fix, service: int = SERVICE["gps"]) -> list[bytes]:
     """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
-    latitude, longitude, height = map(float, reading.geodetic)
-    known = reading.covariance.any()
-    message = NavSatFix(
-        ros.header(k, int(reading.header_ns), reading.frame),
-        NavSatStatus(reading.status, service),
-        latitude,
-        longitude,
-        height,
-        position_covariance=reading.covariance.ravel(),
-        position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN if known else NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    count, known = np.size(k), reading.covariance.any(axis=(-2, -1))
+    return ros.serialized(
+        count,
+        *ros.header_fields(k, reading.header_ns, reading.frame),
+        np.asarray(reading.status, np.int8),
+        struct.pack("<H", service),
+        reading.geodetic,
+        reading.covariance,
+        np.where(known, NavSatFix.COVARIANCE_TYPE_KNOWN, NavSatFix.COVARIANCE_TYPE_UNKNOWN).astype(np.uint8),
     )
-    return ros.serialize(message, "sensor_msgs/msg/NavSatFix")

@@ -3,6 +3,7 @@
 """The GNSS receiver as a kind of sensor."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -34,22 +35,23 @@ class Gnss(MotionSensor):
         return true, true if errors is None else errors.extend(true, scene)
 
     def reading(self, output: Output, at: At, series: GnssReadings) -> Fix:
-        """Return one position: the true one, or the measured one."""
+        """Return true or measured positions."""
         k, fixes = at.number, series.fixes
         stamps = {**at.stamps, "frame": self.config.frame}
         if fixes is None:
-            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
-        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
+            covariance, status = np.zeros((*np.shape(k), 3, 3)), np.full(np.shape(k), message.FIX)[()]
+            return Fix(**stamps, geodetic=series.geodetic[k], covariance=covariance, status=status)
+        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=fixes.status[k])
 
     def facts(self, movement: Movement) -> list[str]:
         """State what the receiver has measured, unless it is ideal."""
         fixes = self.series(movement)[1].fixes
         return [] if fixes is None else [_line(self.config.name, fixes)]
 
-    def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: Fix) -> Iterable[bytes]:
         """Serialise sensor_msgs/NavSatFix."""
         signal = None if output.ideal else self.config.signal
-        return [message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)]
+        return message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)
 
 
 def _line(name: str, fixes: GnssFixes) -> str:

@@ -6,14 +6,14 @@ Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a f
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Inertial
+from fieldtruth.core.transforms import xyzw_from_wxyz
 
 Covariances = tuple[Array, Array, Array]
 UNKNOWN: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
@@ -27,16 +27,16 @@ class ImuReading(Inertial):
     covariances: Covariances = UNKNOWN
 
 
-def imu(k: int, reading: ImuReading) -> bytes:
+def imu(k: Any, reading: ImuReading) -> list[bytes]:
     """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
-    attitude, rate, force = reading.covariances
-    message = Imu(
-        ros.header(k, int(reading.header_ns), reading.frame),
-        ros.quaternion(reading.orientation_wxyz),
+    attitude, rate, force = (each.tobytes() for each in reading.covariances)
+    return ros.serialized(
+        np.size(k),
+        *ros.header_fields(k, reading.header_ns, reading.frame),
+        xyzw_from_wxyz(reading.orientation_wxyz),
         attitude,
-        ros.vector(reading.angular_velocity),
+        reading.angular_velocity,
         rate,
-        ros.vector(reading.linear_acceleration),
+        reading.linear_acceleration,
         force,
     )
-    return ros.serialize(message, "sensor_msgs/msg/Imu")

@@ -3,6 +3,7 @@
 """The inertial measurement unit as a kind of sensor."""
 
 from collections.abc import Iterable
+from typing import Any
 
 from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Track
@@ -32,7 +33,7 @@ class Imu(MotionSensor):
         return true, true if errors is None else errors.extend(true.readings)
 
     def reading(self, output: Output, at: At, series: MeasuredImu) -> ImuReading:
-        """Return one reading."""
+        """Return readings."""
         found, *covariances = series
         return ImuReading(
             **at.stamps,
@@ -43,6 +44,6 @@ class Imu(MotionSensor):
             covariances=(covariances[0], covariances[1], covariances[2]),
         )
 
-    def messages(self, output: Output, number: int, reading: ImuReading) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: ImuReading) -> Iterable[bytes]:
         """Serialise sensor_msgs/Imu."""
-        return [message.imu(number, reading)]
+        return message.imu(number, reading)

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of wheel encoders and of the driver that integrates them: Float32, JointState and Odometry."""
 
+import struct
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__JointState as JointState
-from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Joints, Odometry
+from fieldtruth.core.transforms import xyzw_from_wxyz
 
 Covariances = tuple[Array, Array]
 VARIANCES: Final = (0.001, 0.001, 0.001, 0.001, 0.001, 0.03)
@@ -19,9 +19,9 @@ VARIANCES: Final = (0.001, 0.001, 0.001, 0.001, 0.001, 0.03)
 control.yaml). They are constants, although the error of dead reckoning grows."""
 
 
-def wheel_speed(speed: float) -> bytes:
-    """Serialise std_msgs/Float32 [rad/s]; it has no header, so its stamp is that in the bag."""
-    return ros.serialize(Float32(float(speed)), "std_msgs/msg/Float32")
+def wheel_speeds(speeds: Array) -> list[bytes]:
+    """Serialise std_msgs/Float32 (..., wheels) [rad/s]; it has no header, so its stamp is that in the bag."""
+    return ros.serialized(speeds.size, speeds.astype("<f4"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,23 +31,36 @@ class WheelReading(Odometry):
     covariances: Covariances | None = None
 
 
-def joint_states(k: int, joints: Joints) -> bytes:
+def joint_states(k: Any, joints: Joints) -> list[bytes]:
     """Serialise sensor_msgs/JointState: angle [rad] and speed [rad/s] of each wheel, positive forwards; no torques."""
-    head = ros.header(k, int(joints.header_ns), joints.frame)
-    message = JointState(head, list(joints.names), joints.angle, joints.speed, np.zeros(0))
-    return ros.serialize(message, "sensor_msgs/msg/JointState")
+    count = struct.pack("<L", len(joints.names))
+    return ros.serialized(
+        np.size(k),
+        *ros.header_fields(k, joints.header_ns, joints.frame),
+        count + b"".join(map(ros.text_field, joints.names)),
+        count,
+        joints.angle,
+        count,
+        joints.speed,
+        bytes(4),
+    )
 
 
-def wheel_odometry(k: int, reading: WheelReading) -> bytes:
+def wheel_odometry(k: Any, reading: WheelReading) -> list[bytes]:
     """Serialise nav_msgs/Odometry: the pose of base_link in odom, the twist in base_link; both are planar.
 
     Covariances of the reading are added to those of the driver, which stand for slip.
     """
-    pose = ros.Pose(ros.point(reading.position), ros.quaternion(reading.quaternion_wxyz))
-    twist = ros.Twist(ros.vector(reading.linear_velocity), ros.vector(reading.angular_velocity))
-    driver = np.diag(VARIANCES).ravel()
-    added = reading.covariances
-    of_pose, of_twist = (driver, driver) if added is None else (driver + each for each in added)
-    head = ros.header(k, int(reading.header_ns), reading.frame)
-    parts = ros.PoseWithCovariance(pose, of_pose), ros.TwistWithCovariance(twist, of_twist)
-    return ros.serialize(ros.Odometry(head, reading.child, *parts), "nav_msgs/msg/Odometry")
+    driver, added = np.diag(VARIANCES).ravel(), reading.covariances
+    of_pose, of_twist = [driver.tobytes()] * 2 if added is None else (driver + each for each in added)
+    return ros.serialized(
+        np.size(k),
+        *ros.header_fields(k, reading.header_ns, reading.frame),
+        ros.text_field(reading.child),
+        reading.position,
+        xyzw_from_wxyz(reading.quaternion_wxyz),
+        of_pose,
+        reading.linear_velocity,
+        reading.angular_velocity,
+        of_twist,
+    )

@@ -3,6 +3,7 @@
 """Wheel encoders as a kind of sensor: speeds of the wheels, joint states, and odometry from their angles."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ class Wheels(MotionSensor):
         return true, true if errors is None else errors.extend(true)
 
     def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> Reading:
-        """Return one reading of the output's part."""
+        """Return readings of the output's part."""
         k, names = at.number, self.sensor_world.rig.wheels.names
         if output.part == "speeds":
             return WheelSpeeds(**at.stamps, speed=series.tachometers.wheel_speed[k], names=names)
@@ -53,23 +54,24 @@ class Wheels(MotionSensor):
         covariances = None
         if isinstance(series, MeasuredWheels):
             covariances = series.pose_covariance[k], series.twist_covariance[k]
-        (x, y, yaw), (forward, turn) = odometry.pose[k], odometry.twist[k]
+        (x, y, yaw), (forward, turn) = odometry.pose[k].T, odometry.twist[k].T
+        zero = np.zeros_like(x)
         return WheelReading(
             **at.stamps,
             frame=ODOM,
-            position=np.array([x, y, 0.0]),
-            quaternion_wxyz=np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]),
-            linear_velocity=np.array([forward, 0.0, 0.0]),
-            angular_velocity=np.array([0.0, 0.0, turn]),
+            position=np.stack([x, y, zero], axis=-1),
+            quaternion_wxyz=np.stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)], axis=-1),
+            linear_velocity=np.stack([forward, zero, zero], axis=-1),
+            angular_velocity=np.stack([zero, zero, turn], axis=-1),
             child=BASE,
             covariances=covariances,
         )
 
-    def messages(self, output: Output, number: int, reading: Reading) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: Reading) -> Iterable[bytes]:
         """Serialise std_msgs/Float32 for each wheel, sensor_msgs/JointState or nav_msgs/Odometry."""
         if isinstance(reading, WheelSpeeds):
-            return map(message.wheel_speed, reading.speed)
+            return message.wheel_speeds(reading.speed)
         if isinstance(reading, Joints):
-            return [message.joint_states(number, reading)]
+            return message.joint_states(number, reading)
         assert isinstance(reading, WheelReading)
-        return [message.wheel_odometry(number, reading)]
+        return message.wheel_odometry(number, reading)
