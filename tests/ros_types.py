@@ -10,7 +10,7 @@ from rosbags.typesys.stores import ros1_noetic as noetic
 from fieldtruth.bag.messages import STORE, header, serialize
 from fieldtruth.core import transforms
 
-__all__ = ["header", "serialize"]
+__all__ = ["STORE", "header", "serialize"]
 
 Point = noetic.geometry_msgs__msg__Point
 Pose = noetic.geometry_msgs__msg__Pose

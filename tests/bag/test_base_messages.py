@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speeds
 from record_fakes import make_experiment, make_track, make_world
 from series import odometry_along, reading_of
 
@@ -14,7 +15,7 @@ from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speeds
+from fieldtruth.sensors.wheel_odometry.sensor import joint_states, wheel_odometry
 
 TRACK = make_track(make_world(), make_experiment(2.5))
 RIG = Rig()
