@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speeds
 from record_fakes import make_experiment, make_track, make_world
 from series import odometry_along, reading_of
 
@@ -15,7 +14,7 @@ from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.sensor import joint_states, wheel_odometry
+from fieldtruth.sensors.wheel_odometry.sensor import joint_states, wheel_odometry, wheel_speeds
 
 TRACK = make_track(make_world(), make_experiment(2.5))
 RIG = Rig()

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fieldtruth.sensors.wheel_odometry.message import wheel_speeds
 from rosbags.rosbag1 import Reader
 
 from fieldtruth.bag.decode import read_bag
@@ -14,7 +13,7 @@ from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
-from fieldtruth.sensors.wheel_odometry.sensor import wheel_speed
+from fieldtruth.sensors.wheel_odometry.sensor import wheel_speed, wheel_speeds
 
 TOPIC = WHEEL_SPEEDS[0]
 
