@@ -15,7 +15,7 @@ from fieldtruth.bag.decode import matrix, stamp_ns
 from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speed
+from fieldtruth.sensors.wheel_odometry.sensor import joint_states, wheel_odometry, wheel_speed
 
 TRACK = make_track(make_world(), make_experiment(2.5))
 RIG = Rig()

@@ -17,12 +17,12 @@ from fieldtruth.drive.track import State, state_at
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.sensors.camera import message as camera
+from fieldtruth.sensors.camera import sensor as camera
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.gnss.message import navsat
-from fieldtruth.sensors.imu.message import imu
+from fieldtruth.sensors.gnss.sensor import navsat
+from fieldtruth.sensors.imu.sensor import imu
 from fieldtruth.sensors.lidar.config import LidarConfig, TimeField
-from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensor import point_cloud
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",

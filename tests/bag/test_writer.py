@@ -12,7 +12,7 @@ from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
-from fieldtruth.sensors.wheel_odometry.message import wheel_speed
+from fieldtruth.sensors.wheel_odometry.sensor import wheel_speed
 
 TOPIC = WHEEL_SPEEDS[0]
 

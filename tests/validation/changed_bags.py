@@ -22,9 +22,9 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.camera.message import instances
+from fieldtruth.sensors.camera.sensor import instances
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensor import point_cloud
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 

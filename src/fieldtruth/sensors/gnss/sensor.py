@@ -1,18 +1,42 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The GNSS receiver as a kind of sensor."""
+"""The GNSS receiver as a kind of sensor, and its message, NavSatFix.
+
+Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a filter must be given its own.
+"""
 
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Fix
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.sensors.gnss import message
-from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.config import SERVICE, GnssConfig
 from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssFixes, GnssReadings, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
+
+FIX: Final = int(NavSatStatus.STATUS_FIX)
+
+
+def navsat(k: int, reading: Fix, service: int = SERVICE["gps"]) -> bytes:
+    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
+    latitude, longitude, height = map(float, reading.geodetic)
+    known = reading.covariance.any()
+    message = NavSatFix(
+        ros.header(k, int(reading.header_ns), reading.frame),
+        NavSatStatus(reading.status, service),
+        latitude,
+        longitude,
+        height,
+        position_covariance=reading.covariance.ravel(),
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN if known else NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    )
+    return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
 
 
 class Gnss(MotionSensor):
@@ -38,7 +62,7 @@ class Gnss(MotionSensor):
         k, fixes = at.number, series.fixes
         stamps = {**at.stamps, "frame": self.config.frame}
         if fixes is None:
-            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
+            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=FIX)
         return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
 
     def facts(self, movement: Movement) -> list[str]:
@@ -49,7 +73,7 @@ class Gnss(MotionSensor):
     def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:
         """Serialise sensor_msgs/NavSatFix."""
         signal = None if output.ideal else self.config.signal
-        return [message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)]
+        return [navsat(number, reading) if signal is None else navsat(number, reading, signal.service)]
 
 
 def _line(name: str, fixes: GnssFixes) -> str:
