@@ -13,7 +13,7 @@ from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
-from fieldtruth.sensors.wheel_odometry.sensor import wheel_speed, wheel_speeds
+from fieldtruth.sensors.wheel_odometry.sensor import wheel_speeds
 
 TOPIC = WHEEL_SPEEDS[0]
 
