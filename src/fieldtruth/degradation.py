@@ -11,6 +11,7 @@ wheels need their angles at every step of the physics. For these the robot drive
 import threading
 from array import array
 from collections.abc import Collection
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +26,8 @@ from fieldtruth.bag.provenance import fits_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import COMMANDS, MODEL_STATES, ODOMETRY
+from fieldtruth.bag.topics import ODOMETRY
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.transforms import wxyz_from_xyzw
@@ -34,7 +37,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream
+from fieldtruth.record.streams import Sensors, Stream
 from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.stepped import Simulation
 
@@ -130,9 +133,11 @@ class _Stored:
         for topic in stream.topics:
             if not np.array_equal(self._index[topic].stamps_ns, stream.stamps_ns):
                 raise _other_version(self._bag, topic)
-        return Stream(
-            stream.topics, stream.stamps_ns, lambda k, _: [self._message(topic, k) for topic in stream.topics]
-        )
+
+        def messages(rows: Counts, _: Sensors) -> Iterator[list[bytes]]:
+            return ([self._message(topic, k) for topic in stream.topics] for k in rows.tolist())
+
+        return Stream(stream.topics, stream.stamps_ns, messages)
 
     def track(self) -> Track:
         """Return the motion in the bag, without what follows its end; of wheels and commands the stamps only."""
@@ -164,9 +169,9 @@ class _Stored:
     def check(self, stream: Stream) -> None:
         """Raise BagError unless the first and the last message of a topic are those of a stream."""
         (topic,) = stream.topics
-        for k in (0, -1):
-            if [self._message(topic, k)] != list(stream.messages(range(len(stream.stamps_ns))[k], {})):
-                raise _other_version(self._bag, topic)
+        ends = np.array([0, len(stream.stamps_ns) - 1])
+        if [(self._message(topic, k),) for k in ends.tolist()] != list(stream.messages(ends, {})):
+            raise _other_version(self._bag, topic)
 
 
 def _other_version(bag: BagReader, topic: str) -> BagError:

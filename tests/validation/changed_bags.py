@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import ros_types as ros
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import messages as ros
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines
 from fieldtruth.bag.reader import RawMessage, open_bag

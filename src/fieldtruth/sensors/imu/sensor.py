@@ -7,15 +7,15 @@ Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a f
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as ImuMessage
 
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.readings import Inertial
+from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -34,19 +34,19 @@ class ImuReading(Inertial):
     covariances: Covariances = UNKNOWN
 
 
-def imu(k: int, reading: ImuReading) -> bytes:
+def imu(k: Any, reading: ImuReading) -> list[bytes]:
     """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
-    attitude, rate, force = reading.covariances
-    message = ImuMessage(
-        ros.header(k, int(reading.header_ns), reading.frame),
-        ros.quaternion(reading.orientation_wxyz),
+    attitude, rate, force = (each.tobytes() for each in reading.covariances)
+    return ros.serialized(
+        np.size(k),
+        *ros.header_fields(k, reading.header_ns, reading.frame),
+        xyzw_from_wxyz(reading.orientation_wxyz),
         attitude,
-        ros.vector(reading.angular_velocity),
+        reading.angular_velocity,
         rate,
-        ros.vector(reading.linear_acceleration),
+        reading.linear_acceleration,
         force,
     )
-    return ros.serialize(message, "sensor_msgs/msg/Imu")
 
 
 class Imu(MotionSensor):
@@ -67,7 +67,7 @@ class Imu(MotionSensor):
         return true, true if errors is None else errors.extend(true.readings)
 
     def reading(self, output: Output, at: At, series: MeasuredImu) -> ImuReading:
-        """Return one reading."""
+        """Return readings."""
         found, *covariances = series
         return ImuReading(
             **at.stamps,
@@ -78,6 +78,6 @@ class Imu(MotionSensor):
             covariances=(covariances[0], covariances[1], covariances[2]),
         )
 
-    def messages(self, output: Output, number: int, reading: ImuReading) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: ImuReading) -> Iterable[bytes]:
         """Serialise sensor_msgs/Imu."""
-        return [imu(number, reading)]
+        return imu(number, reading)
