@@ -10,8 +10,7 @@ wheels need their angles at every step of the physics. For these the robot drive
 
 import threading
 from array import array
-from collections.abc import Collection
-from collections.abc import Container, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,7 +25,6 @@ from fieldtruth.bag.provenance import fits_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import COMMANDS, MODEL_STATES, ODOMETRY
-from fieldtruth.bag.topics import ODOMETRY
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Progress
