@@ -18,9 +18,11 @@ import yaml
 
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.exporters.frames import SPLITS, Member
+from fieldtruth.datasets import ROLES
+from fieldtruth.exporters.frames import SPLITS, Member, noun_of
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
@@ -116,11 +118,21 @@ def is_own(members: Sequence[Member]) -> bool:
 def content_of(members: Sequence[Member]) -> tuple[str, list[str]]:
     """Return the kinds of readings of a data set, for its description, and the units with labels: pixel, point."""
     views = [view for member in members for view in member.run.of(Image, "photo", "label")]
+    clouds = _cloud_sensors(members)
     kinds = {
         "pixel": "Stereo photographs" if any(view.side for view in views) else "Photographs" if views else "",
-        "point": "LiDAR clouds" if any(member.run.of(Cloud) for member in members) else "",
+        "point": f"{noun_of(clouds)} clouds" if clouds else "",
     }
     return " and ".join(filter(None, kinds.values())), [unit for unit, kind in kinds.items() if kind]
+
+
+def _cloud_sensors(members: Sequence[Member]) -> list[Source]:
+    return [sensor for member in members for sensor in member.run.of(Cloud)]
+
+
+def _tags(members: Sequence[Member]) -> list[str]:
+    """Kinds of the sensors of clouds, by which data sets are found."""
+    return list(dict.fromkeys(sensor.config.kind for sensor in _cloud_sensors(members)))
 
 
 def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
@@ -167,14 +179,13 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     columns = {column.name for table in tables for column in table.columns}
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
-    kinds = {"images": "image", "clouds": "3d"}
-    lidar = ["lidar" for table in tables if table.name == "clouds"]
+    shown = [{"images": "image", "clouds": "3d"}[table.name] for table in tables]
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),
         "size_categories": [next((text for most, text in _SIZES.items() if rows < most), _LARGEST)],
         "task_categories": tasks,
-        "tags": ["synthetic", *lidar, "off-road", "semantic-segmentation", *(kinds[table.name] for table in tables)],
+        "tags": ["synthetic", *_tags(members), "off-road", "semantic-segmentation", *shown],
         "configs": [_configuration(table, default=table is tables[0]) for table in tables],
         "dataset_info": [_info(table, names) for table in tables],
     }
@@ -252,7 +263,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
             f"{' and '.join(units)}. Written by fieldtruth {fieldtruth.__version__}."
         ),
         "version": "1.0.0",
-        "keywords": ["robotics", *["lidar"] * ("point" in units), "semantic segmentation", "off-road", "synthetic"],
+        "keywords": ["robotics", *_tags(members), "semantic segmentation", "off-road", "synthetic"],
         **own,
         "creator": {"@type": "sc:Organization", "name": "fieldtruth"},
         "isLiveDataset": False,
@@ -265,7 +276,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Sequence[str]) -> dict[str, Any]:
     """Return the responsible-AI properties of runs that fieldtruth generated."""
     made = [member.run.experiment for member in members if member.run.experiment is not None]
-    collection = f"Simulated by fieldtruth: {collection_of(made)}; cameras and LiDAR are ray tracers."
+    collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
     biases = [conditions_of(made), *fixed["dataBiases"]]
     values = {**fixed} | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
     return {f"rai:{key}": value for key, value in values.items()}
@@ -314,7 +325,8 @@ def _record_set(table: Table) -> dict[str, Any]:
         dataType="sc:Text",
         source=files | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
     )
-    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
+    key_columns = ("run", *(role.key for role in ROLES.values()), "stamp_ns")
+    keys = [column.name for column in table.columns if column.name in key_columns]
     fields = [split, *(_field(table.name, column, files) for column in table.columns)]
     return _node("RecordSet", table.name, key=[{"@id": f"{table.name}/{name}"} for name in keys], field=fields)
 
