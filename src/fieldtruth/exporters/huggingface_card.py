@@ -9,12 +9,11 @@ MLCommons (docs.mlcommons.org/croissant).
 
 import json
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any, Final, NamedTuple
 
 import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
@@ -30,6 +29,13 @@ CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
 """Of what fieldtruth generated; the licence of other bags is not known."""
 
+_TEMPLATES: Final = Environment(
+    loader=PackageLoader("fieldtruth.exporters", "."),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 _SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
 _LARGEST: Final = "1M<n<10M"
 CROISSANT: Final = "croissant.json"
@@ -145,33 +151,23 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
         names: of the classes by id, without gaps.
     """
     content, units = content_of(members)
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
-    body = Template(text).substitute(
+    return _TEMPLATES.get_template("huggingface.md.jinja").render(
+        header=header,
         title=title_of(members),
         content=content,
-        units=" and every\n".join(units),
+        units=units,
         version=fieldtruth.__version__,
-        runs=f"{len(members)} run{'s' * (len(members) != 1)}",
-        splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),
-        use="\n".join(f'{t.name} = load_dataset("FOLDER", "{t.name}", split="{next(iter(t.splits))}")' for t in tables),
-        columns="\n\n".join(_columns(table) for table in tables),
-        classes=_table(
-            ("id", "class", "RGB"), [(k, c.name, " ".join(map(str, c.rgb))) for k, c in sorted(labels.classes.items())]
-        ),
-        members=_table(("run", "split", "environment", "seed", "time [s]"), map(_member_row, members)),
-        origin=_origin(members) if is_own(members) else "Runs that fieldtruth did not generate are among them.",
-        limits=f"## Known limits\n\n{card_part('limits')}\n\n" if is_own(members) else "",
-        licence=card_part("licence") if is_own(members) else "The licence is that of the recorded bags.",
-    )
-    return f"---\n{header}---\n\n{body}"
-
-
-def _origin(members: Sequence[Member]) -> str:
-    made = [member.run.experiment for member in members if member.run.experiment is not None]
-    return (
-        f"All is simulated: {collection_of(made)}. {conditions_of(made)}\n"
-        "Labels and measurements are from the same ray, so no label is an estimate."
+        tables=tables,
+        members=members,
+        classes=sorted(labels.classes.items()),
+        noun=noun_of(_cloud_sensors(members)) or ROLES[Cloud].noun,
+        own=is_own(members),
+        collection=collection_of(made) if made else "",
+        conditions=conditions_of(made) if made else "",
+        limits=card_part("limits"),
+        licence=card_part("licence"),
     )
 
 
@@ -208,29 +204,6 @@ def _info(table: Table, names: Sequence[str]) -> dict[str, Any]:
         "download_size": sum(written.file_bytes for written in table.splits.values()),
         "dataset_size": sum(written.memory_bytes for written in table.splits.values()),
     }
-
-
-def _split_rows(tables: Sequence[Table]) -> list[Sequence[object]]:
-    return [
-        (f"`{table.name}`", split, written.rows, f"{written.file_bytes / 1e6:.1f}")
-        for table in tables
-        for split, written in table.splits.items()
-    ]
-
-
-def _columns(table: Table) -> str:
-    return f"### {table.name}\n\n" + _table(("column", ""), [(f"`{c.name}`", c.about) for c in table.columns])
-
-
-def _member_row(member: Member) -> Sequence[object]:
-    made_by = member.run.experiment
-    known = ("", "") if made_by is None else (made_by.environment, made_by.seed)
-    return (member.name, member.split, *known, f"{member.run.duration_s:.1f}")
-
-
-def _table(head: Sequence[str], rows: Any) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
