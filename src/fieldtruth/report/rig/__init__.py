@@ -21,11 +21,11 @@ from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.lenses import Lens
 from fieldtruth.core.readings import Inertial
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import BASE, SensorConfig
-from fieldtruth.experiment.sensor_families import ImagingConfig
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\
@@ -98,7 +98,7 @@ def camchain_text(rig: Rig) -> str:
     missing: dict[str, str] = {}
     steering = rig.first(Inertial)
     for imager in rig.imagers:
-        lens = _lens(imager.config)
+        lens = kalibr_lens(imager.config.projection)
         if isinstance(lens, str):
             missing[imager.config.name] = lens
             continue
@@ -121,9 +121,8 @@ def camchain_text(rig: Rig) -> str:
     return "".join(lines) + write_mapping(chain)
 
 
-def _lens(config: ImagingConfig) -> dict[str, Any] | str:
+def kalibr_lens(lens: Lens) -> dict[str, Any] | str:
     """Return the lens with Kalibr's keys, or what Kalibr does not have."""
-    lens = config.projection
     if lens.model in ("pinhole", "plumb_bob"):
         k1, k2, p1, p2, k3 = lens.coefficients or (0.0,) * 5
         if k3 != 0.0:
