@@ -80,7 +80,8 @@ def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]
     assert shares.points.sum() == 16
     assert not shares.pixels.any()
     assert sensor_lines(rig) == ["- Radar: 8 beams"]
-    assert sensor_nouns([radar(), radar(), *RIG.in_order()][:3])[0] == "2 radars"
+    nouns = ["1 IMU", "1 GNSS receiver", "wheel encoders", "1 LiDAR", "1 stereo camera", "2 radars"]
+    assert sensor_nouns([*RIG.in_order(), radar(), radar()]) == nouns
 
 
 def test_rays_of_another_kind_are_measured(radar: type[MountedConfig]) -> None:
