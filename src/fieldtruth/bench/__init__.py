@@ -68,7 +68,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
     rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     simulation = Simulation(with_overrides(made, seconds=min(made.seconds or DRIVE_S, DRIVE_S)))
     with progress.stage("build the world"):
-        simulation.scene  # noqa: B018
+        simulation.world  # noqa: B018
     with progress.stage("drive"):
         driven = simulation.drive()
     with progress.stage("bake the light"):
