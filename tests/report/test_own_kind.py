@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Class shares, sheet, data card, rig's picture and benchmark of a kind that is none of the package's: a radar."""
+"""Class shares, data card and benchmark of a kind of sensor that another package adds: a radar that gives clouds."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar, Literal
