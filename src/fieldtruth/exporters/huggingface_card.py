@@ -27,7 +27,7 @@ from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
-"""Of what fieldtruth generated; the licence of other bags is not known."""
+"""Licence of what fieldtruth generated; that of other bags is not known."""
 
 _TEMPLATES: Final = Environment(
     loader=PackageLoader("fieldtruth.exporters", "."),
@@ -36,19 +36,11 @@ _TEMPLATES: Final = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-_SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
-_LARGEST: Final = "1M<n<10M"
 CROISSANT: Final = "croissant.json"
 
 _PARQUET: Final = "application/x-parquet"
 _CC_BY: Final = "https://creativecommons.org/licenses/by/4.0/"
-_TYPES: Final = {
-    "image": "sc:ImageObject",
-    "string": "sc:Text",
-    "float32": "sc:Float",
-    "float64": "sc:Float",
-}
-"""Data type by that of the column; all others are integers."""
+_FIXED: Final = package_data("fieldtruth.exporters", "croissant.yaml")
 
 
 class Column(NamedTuple):
@@ -179,7 +171,7 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),
-        "size_categories": [next((text for most, text in _SIZES.items() if rows < most), _LARGEST)],
+        "size_categories": [next(text for text, most in _FIXED["sizes"] if rows < most)],
         "task_categories": tasks,
         "tags": ["synthetic", *_tags(members), "off-road", "semantic-segmentation", *shown],
         "configs": [_configuration(table, default=table is tables[0]) for table in tables],
@@ -215,7 +207,6 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 
     Licence and responsible-AI properties are known only if fieldtruth generated all runs.
     """
-    fixed = package_data("fieldtruth.exporters", "croissant.yaml")
     distribution: list[dict[str, Any]] = []
     for table in tables:
         paths = [path for written in table.splits.values() for path in written.files]
@@ -225,9 +216,10 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
     limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
     own = {}
     if is_own(members):
-        own = {"license": _CC_BY, "citeAs": fixed["citeAs"]} | _responsible(members, fixed["rai"], limits)
+        own = {"license": _CC_BY, "citeAs": _FIXED["citeAs"]} | _responsible(members, limits)
+    terms = {term: f"cr:{term}" for term in _FIXED["terms"]}
     document = {
-        "@context": fixed["context"] | {term: f"cr:{term}" for term in fixed["terms"]} | fixed["context_after_terms"],
+        "@context": _FIXED["context"] | terms | _FIXED["context_after_terms"],
         "@type": "sc:Dataset",
         "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
         "name": title_of(members),
@@ -246,12 +238,12 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Sequence[str]) -> dict[str, Any]:
+def _responsible(members: Sequence[Member], limits: Sequence[str]) -> dict[str, Any]:
     """Return the responsible-AI properties of runs that fieldtruth generated."""
     made = [member.run.experiment for member in members if member.run.experiment is not None]
     collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
-    biases = [conditions_of(made), *fixed["dataBiases"]]
-    values = {**fixed} | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
+    biases = [conditions_of(made), *_FIXED["rai"]["dataBiases"]]
+    values = _FIXED["rai"] | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
     return {f"rai:{key}": value for key, value in values.items()}
 
 
@@ -308,6 +300,10 @@ def _field(table: str, column: Column, files: dict[str, Any]) -> dict[str, Any]:
     source = files | {"extract": {"column": column.name}}
     if column.kind == "image":
         source |= {"transform": {"jsonPath": "bytes"}}
-    values = {"name": column.name, "description": column.about, "dataType": _TYPES.get(column.dtype, "sc:Integer")}
+    values = {
+        "name": column.name,
+        "description": column.about,
+        "dataType": _FIXED["types"].get(column.dtype, "sc:Integer"),
+    }
     repeated = {"repeated": True} if column.is_list else {}
     return _node("Field", f"{table}/{column.name}", **values, **repeated, source=source)
