@@ -126,33 +126,19 @@ class LabelCamera:
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
         self._axes = np.array([top.world_from_object[:3, :3] for top in scene.tops] * config.normals).reshape(-1, 3, 3)
-        self._labels: LabelImages | None = None
+        self.last: LabelImages | None = None
+        """The images that the next call overwrites, of a camera with ``reuse``."""
         self._flow: FlowSensor | None = None
 
     def label(self, world_from_optical: Array, robot: RobotView | None = None) -> LabelImages:
         """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
-        images = self._labels
-        if images is None:
-            shape = (self.config.height, self.config.width)
-            images = LabelImages(
-                label=np.empty(shape, np.uint8),
-                instance=np.empty(shape, np.uint32),
-                depth=np.empty(shape, np.float32),
-                normal=self._own_normals(),
-            )
+        images = self._own_images()
         out = self._buffers(images)
         view = self._view(world_from_optical)
         label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
         if robot is not None:
             hide_world(robot, out)
-        if self._reuse:
-            self._labels = images
         return images
-
-    @property
-    def last(self) -> LabelImages | None:
-        """The images that the next call overwrites, of a camera with ``reuse``."""
-        return self._labels
 
     def flow(
         self, images: LabelImages, world_from_optical: Array, world_from_next: Array, robot: RobotView | None = None
@@ -170,9 +156,21 @@ class LabelCamera:
         of_robot = images.label == int(Label.ROBOT) if robot is not None else None
         return self._flow.between(images.depth, world_from_optical, world_from_next, robot, of_robot)
 
-    def _own_normals(self) -> Float32Array:
-        """Array for an image of normals, without pixels if none are wanted."""
-        return np.empty((self.config.height * self.config.normals, self.config.width, 3), np.float32)
+    def _own_images(self) -> LabelImages:
+        """Return arrays of images, new ones unless they are reused."""
+        images = self.last or self._new_images()
+        self.last = images if self._reuse else None
+        return images
+
+    def _new_images(self) -> LabelImages:
+        h, w = self.config.height, self.config.width
+        normal = np.empty((h * self.config.normals, w, 3), np.float32)  # without pixels if none are wanted
+        return LabelImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            normal=normal,
+        )
 
     def _buffers(self, images: LabelImages) -> LabelBuffers:
         return LabelBuffers(images.label, images.instance, images.depth, NormalBuffers(images.normal, self._axes))

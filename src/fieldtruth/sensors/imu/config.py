@@ -70,7 +70,7 @@ class ImuSignal(SignalConfig):
     """Time [s] after which an error of the attitude is forgotten to 1/e; no data sheet states it, so it is our choice:
     the order of the time in which an AHRS corrects its gyroscopes by gravity and magnetic field."""
     no_attitude: Boolean = False
-    """Whether the sensor gives no attitude: ROS marks it by -1 as first number of its covariance."""
+    """True if the sensor gives no attitude: ROS marks it by -1 as first number of its covariance."""
 
 
 LEAST: Final = 1e-6

@@ -55,7 +55,7 @@ class LidarSignal(SignalConfig):
     sub_rays: SubRays = 1
     """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
     returns: Returns = "strongest"
-    """Which echoes of a pulse are points: the strongest, the last, or two: the strongest and the last of the others."""
+    """Echoes that become points: the strongest, the last, or two: the strongest and the last of the others."""
     pulse_length: Annotated[Number, Field(ge=0, le=100)] = 0.0
     """Distance [m] within which echoes of a pulse merge into one."""
 
@@ -121,7 +121,7 @@ class LidarConfig(ScanningConfig):
 
     @property
     def needs_signal_for_weather(self) -> bool:
-        """Whether it is ideal."""
+        """Return whether it is ideal."""
         return self.signal is None
 
     def summary(self) -> str:

@@ -439,7 +439,7 @@ class IdealLidar:
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
-        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
+        """Return whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
         if self.config.pattern is not None:
             robot.aim(self._beams.directions)
         column, ring, range_m = robot.column, robot.ring, robot.range_m
