@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, AwareDatetime, Field, model_validator
 
@@ -123,6 +123,7 @@ class GnssSignal(SignalConfig):
 class GnssConfig(MountedConfig):
     """GNSS receiver; the mount is that of its antenna, by default the paper's GNSS_link."""
 
+    topic_of_name: ClassVar[str] = "/{}/fix"
     noun: ClassVar[str] = "GNSS receiver"
     gives: ClassVar[type[Reading]] = Fix
     sees: ClassVar[bool] = False
@@ -140,11 +141,6 @@ class GnssConfig(MountedConfig):
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
     rate_hz: Rate = 2.0
     signal: GnssSignal | None = None
-
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that an antenna has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/fix"}
 
     def summary(self) -> str:
         """Return rate and frame."""

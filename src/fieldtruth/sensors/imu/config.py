@@ -93,6 +93,7 @@ _SHORT: Final = {"mean": "means between stamps", "instant": "the last millisecon
 class ImuConfig(MountedConfig):
     """Inertial measurement unit; by default the paper's, in imu_link."""
 
+    topic_of_name: ClassVar[str] = "/{}/data"
     noun: ClassVar[str] = "IMU"
     gives: ClassVar[type[Reading]] = Inertial
     sees: ClassVar[bool] = False
@@ -112,11 +113,6 @@ class ImuConfig(MountedConfig):
     """mean: over the interval between two readings, so that integrating gives the motion; instant: over the physics
     step that ends at the stamp, as in Gazebo."""
     signal: ImuSignal | None = None
-
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that an IMU has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/data"}
 
     def figures(self) -> str:
         """Return how it samples the motion."""

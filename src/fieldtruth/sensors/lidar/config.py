@@ -83,6 +83,7 @@ Pattern = Literal["avia", "mid_360"]
 class LidarConfig(ScanningConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
+    topic_of_name: ClassVar[str] = "/{}/points"
     noun: ClassVar[str] = "LiDAR"
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
@@ -109,11 +110,6 @@ class LidarConfig(ScanningConfig):
     organised: Boolean = False
     """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
     signal: LidarSignal | None = None
-
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that a LiDAR has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/points"}
 
     def outputs(self) -> tuple[Output, ...]:
         """Its point clouds."""
