@@ -48,7 +48,7 @@ def test_kinds_of_sensors_are_recognised_in_code() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["bag", "cluster", "core", "degradation.py", "interchange", "ontology", "pipeline.py", "record", "render",
+    ["bag", "cluster", "core", "degradation.py", "drive", "interchange", "ontology", "pipeline.py", "record", "render",
      "simulation", "validation", "world"],
 )  # fmt: skip
 def test_only_its_own_folder_names_a_kind_of_sensor(name: str) -> None:
