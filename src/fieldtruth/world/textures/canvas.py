@@ -193,6 +193,23 @@ def stamps(
     return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
+def stone_profile(lumps: Image) -> Profile:
+    """Profile of rounded pebbles; the phases ``lumps`` (k, 4) vary their outlines."""
+
+    def profile(a: Image, b: Image, rows: Index) -> Image:
+        turn, wave = np.arctan2(b, a), lumps[rows]
+        rim = (
+            0.86
+            + 0.09 * np.sin(2 * turn + wave[:, 0])
+            + 0.07 * np.sin(3 * turn + wave[:, 1])
+            + 0.04 * np.sin(5 * turn + wave[:, 2])
+        )
+        inside = 1 - (np.hypot(a, b) / rim) ** 2
+        return np.asarray(np.where(inside > 0, np.sqrt(np.maximum(inside, 0)), -1), np.float32)
+
+    return profile
+
+
 def blur(image: Image, sigma: float) -> Image:
     """Gaussian blur [pixels] over u and v."""
     return np.asarray(ndimage.gaussian_filter(image, (sigma, sigma) + (0,) * (image.ndim - 2), mode="wrap"), np.float32)
