@@ -21,8 +21,7 @@ from fieldtruth.kernels.light import LightTable, MaterialTable, Shading, SnowTab
 from fieldtruth.kernels.shading import WHITE
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
-from fieldtruth.render.atmosphere import LUMINANCE
-from fieldtruth.render.daylight import sun_direction
+from fieldtruth.render.daylight import LUMINANCE, sun_direction
 from fieldtruth.render.light import bake_light
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
@@ -137,8 +136,8 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
         (m.name, m is world.backdrop, m.vertices, m.normals, m.uv, m.faces, m.material, m.materials)
         for m in scene.meshes
     ]
-    names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.tops]
-    poses, tints = (np.array([getattr(top, n) for top in scene.tops]) for n in ("world_from_object", "tint"))
+    names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.top_levels]
+    poses, tints = (np.array([getattr(top, n) for top in scene.top_levels]) for n in ("world_from_object", "tint"))
     colours = (world.materials, world.textures, tints, world.terrain)
     inputs = (
         processor(),  # where it differs, the last digit of a photograph does

@@ -125,7 +125,9 @@ class LabelCamera:
         self._table = ray_table(config)
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
-        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.tops] * config.normals).reshape(-1, 3, 3)
+        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels] * config.normals).reshape(
+            -1, 3, 3
+        )
         self._labels: LabelImages | None = None
         self._flow: FlowSensor | None = None
 
