@@ -167,7 +167,7 @@ Profile = Callable[[Image, Image, Index], Image]
 def stamps(
     rng: Rng, n: int, length: ArrayLike, width: ArrayLike, profile: Profile, rise: ArrayLike, *, turn: float = np.pi
 ) -> Samples:
-    """Scattered pieces of half ``length`` and ``width`` (k,) [pixels], turned by up to ``turn``, as high as ``rise``."""
+    """Scattered pieces of half ``length`` and ``width`` (k,) [pixels], turned by ``turn`` at most, ``rise`` high."""
     half_a, half_b = np.asarray(length, np.float32), np.asarray(width, np.float32)
     top = np.broadcast_to(np.asarray(rise, np.float32), half_a.shape)
     centre = rng.uniform(0, n, (2, len(half_a))).astype(np.float32)
