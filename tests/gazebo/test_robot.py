@@ -22,10 +22,9 @@ from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
 from fieldtruth.sense.lens import pinhole
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions

@@ -82,7 +82,7 @@ def _message(problem: _Problem) -> str:
         return f"{key} is required: {condition_at(model, loc)}"
     if kind in UNKNOWN_KEY:
         parent, _ = _field(model, loc[:-1])
-        known = [name for choice in models_of(parent) for name in (*getattr(choice, "also", ()), *choice.model_fields)]
+        known = [name for choice in models_of(parent) for name in (*choice.model_fields, *getattr(choice, "also", ()))]
         return _unknown_key((*at, *loc), known)
     if kind == "value_error":  # a rule across fields; its text states the condition
         text = error["msg"].removeprefix("Value error, ")

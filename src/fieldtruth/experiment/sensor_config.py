@@ -371,6 +371,13 @@ class SensorConfig(Frozen):
         """Return how it takes its readings, as lines of the data card; ``named`` is what they call it."""
         return []
 
+    def gazebo(self, flavour: str) -> str:
+        """Return its ``<sensor>`` of SDF in base_link for Gazebo ``classic`` or ``gz``; empty: the one of its readings.
+
+        Of clouds, images, inertial readings and fixes every package has one; other kinds without it are refused.
+        """
+        return ""
+
     def kalibr(self) -> str:
         """Return the file in which Kalibr reads its noise; empty for a kind that Kalibr has no such file of."""
         return ""
@@ -423,6 +430,18 @@ def load_added_kinds() -> None:
     """
     for name in _MODULES:
         _MODULES[name]
+
+
+def known_switches() -> list[str]:
+    """Words with which sensors are turned on and off, of all kinds."""
+    load_added_kinds()
+    return [*dict.fromkeys(config.switch for config in KINDS.values() if config.switch)]
+
+
+def known_extras() -> list[str]:
+    """``extras`` of all kinds."""
+    load_added_kinds()
+    return [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
 
 
 def sensor_of(value: Any) -> SensorConfig:

@@ -16,7 +16,7 @@ from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
-from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, texture_file, write_glb, write_obj, write_textures
+from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, SOLID, texture_file, write_glb, write_obj, write_textures
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface, tiles_of_swarms
 from fieldtruth.render.daylight import sun_direction
@@ -51,8 +51,9 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
             write_glb(path.with_name(f"{path.name}.glb"), surface)
         else:
             texture = f"../../{materials}/materials/textures/{texture_file(world, part.material)}"
-            fine = part.solid or part.label in (Label.GROUND, Label.TRAIL)
-            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, FINE if fine else COARSE)
+            ground = part.label in (Label.GROUND, Label.TRAIL)
+            decimals = FINE if ground else SOLID if part.solid else COARSE
+            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, decimals)
 
     bodies = list(world_bodies(world, add, beyond=beyond))
     textures = {name: texture_file(world, name) for name in sorted({p.material for b in bodies for p in b.parts})}

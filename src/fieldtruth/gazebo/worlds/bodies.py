@@ -21,9 +21,9 @@ SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABL
 point as none, because Gazebo knows no surface that swallows a ray.
 """
 UP: Final = np.array([0, 0, 1], np.float32)
-LIDAR_RANGE: Final = 120.0
+RAY_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
-SMALL: Final = {"inside": 1000, "beyond": 500}
+SMALL: Final = 500
 """Triangles of a member, on average, below which members of a swarm are merged: thousands of small meshes take Gazebo
 minutes to load, and sharing their files saves little."""
 
@@ -85,13 +85,13 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
         yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
     if beyond and world.backdrop is not None:
         yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
+    small = {swarm.name for swarm in world.swarms if _mean_faces(world, swarm) < SMALL}
+    merged = replace(world, swarms=tuple(swarm for swarm in world.swarms if swarm.name in small))
     for outside in (False, True) if beyond else (False,):
-        least = SMALL["beyond" if outside else "inside"]
-        small = tuple(swarm for swarm in world.swarms if _mean_faces(world, swarm) < least)
-        yield from _merged(replace(world, swarms=small), add, beyond=outside)
+        yield from _merged(merged, add, beyond=outside)
         for swarm in world.swarms:
             members = np.flatnonzero(beyond_edge(world, swarm) == outside)
-            if _mean_faces(world, swarm) >= least and len(members):
+            if swarm.name not in small and len(members):
                 meshes = {row: parts_of(world.meshes[swarm.meshes[row]]) for row in set(swarm.mesh[members].tolist())}
                 yield _members(world, swarm, members.tolist(), meshes, beyond=outside)
 
@@ -172,7 +172,7 @@ def _members(
     for member in members:
         pose, scale = pose_and_scale(swarm.world_from_object[member])
         outside = np.maximum(np.abs(pose[:2]) - np.array(world.size) / 2, 0.0)
-        near = bool(np.hypot(*outside) < LIDAR_RANGE)
+        near = bool(np.hypot(*outside) < RAY_RANGE)
         for part in meshes[int(swarm.mesh[member])]:
             returns = part.returns and near
             name = f"{part.name}_{member}"

@@ -22,6 +22,8 @@ FINE: Final = (5, 3, 2)
 """Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence.
 
 A ray that meets the ground at 0.24 deg is 240 times as far off as the ground is high: 23 um make 5.5 mm."""
+SOLID: Final = (4, 3, 2)
+"""For what else wheels touch, such as trunks and rocks."""
 COARSE: Final = (4, 3, 1)
 """For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
 Decimals = tuple[int, int, int]
@@ -35,7 +37,7 @@ def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
         ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), decimals, strict=True
     ):
         distinct, row = _distinct(values, digits)
-        line = f"{key}{f' %.{digits}f' * values.shape[1]}\n"
+        line = f"{key}{' %.9g' * values.shape[1]}\n"
         lines.append(line * len(distinct) % tuple(distinct.ravel().tolist()))
         rows.append(row + 1)
     lines.append(f"usemtl {surface.material}\n")
@@ -58,15 +60,19 @@ def write_obj(path: Path, surface: Surface, texture: str, decimals: Decimals) ->
 
 
 def _distinct(values: NDArray[np.float32], decimals: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distinct rows of ``values`` (n, k) rounded to decimals, and the row (n,) of each."""
+    """Distinct rows of ``values`` (n, k) rounded to decimals, and the row (n,) of each.
+
+    Those that are used most come first, so that faces refer to them by short numbers.
+    """
     scaled = np.rint(values.astype(np.float64) * 10**decimals).astype(np.int64)
     low = scaled.min(axis=0)
     spans = (scaled - low).max(axis=0) + 1
     key = np.zeros(len(values), np.int64)
     for column, span in zip((scaled - low).T, spans.tolist(), strict=True):
         key = key * span + column
-    _, first, row = np.unique(key, return_index=True, return_inverse=True)
-    return scaled[first] / 10**decimals + 0.0, row
+    _, first, row, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
+    order = np.argsort(-count, kind="stable")
+    return scaled[first[order]] / 10**decimals + 0.0, np.argsort(order)[row]
 
 
 def write_glb(path: Path, surface: Surface) -> None:
