@@ -245,7 +245,7 @@ class Split(Frozen):
 class Campaign(Frozen):
     """Many runs: the complete input of a folder of data sets. Same campaign, same runs, same bytes."""
 
-    also: ClassVar = tuple(dict.fromkeys(config.switch for config in KINDS.values() if config.switch))
+    besides: ClassVar = tuple(dict.fromkeys(config.switch for config in KINDS.values() if config.switch))
 
     name: CampaignName
     description: OneLine = ""

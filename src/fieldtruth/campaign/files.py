@@ -22,7 +22,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import known_extras, with_signal_files
+from fieldtruth.experiment.sensor_config import MODELS, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout
@@ -102,6 +102,7 @@ def dump_campaign(campaign: Campaign) -> str:
     for experiment, written in zip(campaign.experiments, values.get("experiments", ()), strict=True):
         if "rig" in written:  # the defaults of a sensor depend on its kind, name and model
             written["rig"]["sensors"] = [sensor.model_dump(mode="json") for sensor in experiment.rig.sensors]
+            written["rig"][MODELS] = experiment.rig.models()
     values |= values.pop("switches", {})
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 

@@ -15,7 +15,7 @@ from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
+from fieldtruth.experiment.sensor_config import MODELS, SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
 VERSION_KEY: Final = "fieldtruth"
@@ -62,9 +62,10 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
 def dump_experiment(experiment: Experiment) -> str:
     """Return the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
 
-    Loading it gives an equal experiment; floats keep every bit.
+    Loading it gives an equal experiment; floats keep every bit. ``rig.models`` says whose figures each sensor has.
     """
     values = experiment.model_dump(mode="json")
+    values["rig"][MODELS] = experiment.rig.models()
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 

@@ -23,14 +23,15 @@ from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, s
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import (
     KINDS,
+    MODELS,
     SIGNAL,
     WORDS,
     MountedConfig,
     SensorConfig,
-    check_model,
     known_switches,
     part,
     sensor_of,
+    without_models,
 )
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
@@ -71,8 +72,6 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     for i, sensor in enumerate(sensors):
-        with _at("sensors", i):
-            check_model(sensor)
         if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
             at = ("sensors", i, "clock", "jitter_s")
             raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
@@ -199,7 +198,7 @@ Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
 class Rig(Frozen, FirstOfKinds):
     """The robot with its sensors."""
 
-    also: ClassVar = (*SECTIONS, URDF, *ROBOT_SECTIONS)
+    also: ClassVar = (*SECTIONS, URDF, *ROBOT_SECTIONS, MODELS)
 
     robot: Annotated[
         RobotConfig, Field(description="a name from `fieldtruth list robots`, or a mapping with the key model")
@@ -215,7 +214,9 @@ class Rig(Frozen, FirstOfKinds):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(with_robot(with_urdf_mounts(given))) if isinstance(given, Mapping) else given
+        if not isinstance(given, Mapping):
+            return given
+        return with_sections(with_robot(with_urdf_mounts(without_models(given))))
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -267,6 +268,10 @@ class Rig(Frozen, FirstOfKinds):
     def enabled(self, config: type[_Config]) -> tuple[_Config, ...]:
         """The sensors of a class, or of one derived from it, that are enabled."""
         return tuple(sensor for sensor in self.sensors if isinstance(sensor, config) and sensor.enabled)
+
+    def models(self) -> dict[str, str | None]:
+        """Model of each sensor by its name."""
+        return {sensor.name: sensor.model for sensor in self.sensors}
 
     def in_order(self) -> tuple[SensorConfig, ...]:
         """The sensors that are enabled, in the order in which their topics are in a bag."""

@@ -50,6 +50,8 @@ class Part:
     """Whether cameras see it."""
 
 
+TILE: Final = 12.5
+"""Side [m] of a tile of merged members, as small as keeps the numbers in its file short."""
 AddMesh = Callable[[Part, Surface], None]
 """Stores the mesh file of a part, which is at the origin of its model."""
 
@@ -104,16 +106,31 @@ def pose_and_scale(matrix: Array) -> tuple[tuple[float, ...], float]:
 
 
 def _part(
-    add: AddMesh, model: str, surface: Surface, *, mesh: str = "", material: str = "", solid: bool = True
+    add: AddMesh,
+    model: str,
+    surface: Surface,
+    *,
+    mesh: str = "",
+    material: str = "",
+    solid: bool = True,
+    placed: bool = False,
 ) -> Part:
-    """Store a surface; ``mesh`` and ``material`` are by default the name of the surface's material."""
+    """Store a surface; ``mesh`` and ``material`` are by default the name of the surface's material.
+
+    One that is ``placed`` in the world is stored around its middle, because shorter numbers make smaller files.
+    """
     name = mesh or surface.material
+    middle = np.zeros(3, np.float32)
+    if placed:
+        middle = np.rint(surface.vertices.mean(axis=0))
+        surface = replace(surface, vertices=surface.vertices - middle)
     part = Part(
         name=name,
         model=model,
         mesh=name,
         material=material or surface.material,
         label=surface.label,
+        pose=(*middle.tolist(), 0.0, 0.0, 0.0),
         solid=solid and surface.label not in SOFT,
     )
     add(part, surface)
@@ -129,14 +146,14 @@ def _ground(world: World, add: AddMesh) -> Body:
     parts = []
     for tile in ground_tiles(world):
         for surface in tile.surfaces:
-            part = _part(add, name, surface, mesh=surface.material, material=tile.name, solid=layer is None)
+            part = _part(add, name, surface, material=tile.name, solid=layer is None, placed=True)
             parts.append(part)
     if layer is not None:
         soil = replace(world, terrain=replace(world.terrain, layer=None))
         for tile in ground_tiles(soil):
             for surface in tile.surfaces:
                 bare = replace(surface, uv=np.zeros_like(surface.uv), normals=surface.normals * 0 + UP)
-                part = _part(add, name, bare, mesh=f"{surface.material}_soil", material=tile.name)
+                part = _part(add, name, bare, mesh=f"{surface.material}_soil", material=tile.name, placed=True)
                 parts.append(replace(part, visible=False))
     return Body(name=name, parts=tuple(parts))
 
@@ -144,11 +161,12 @@ def _ground(world: World, add: AddMesh) -> Body:
 def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     """One body for the members of each swarm inside the world or beyond its edge, with a part per tile and material."""
     parts: dict[str, list[Part]] = {}
-    for tile in tiles_of_swarms(world, beyond=beyond):
+    for tile in tiles_of_swarms(world, TILE, beyond=beyond):
         if tile.beyond == beyond:
             for surface in tile.surfaces(world):
                 solid = surface.label in HARD and not beyond and tile.swarm.kind != LITTER
-                part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=solid)
+                mesh = f"{tile.name}_{surface.material}"
+                part = _part(add, tile.swarm.name, surface, mesh=mesh, solid=solid, placed=True)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
     for name, found in parts.items():
         yield Body(name=name, parts=tuple(found))
