@@ -43,11 +43,11 @@ def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
         rows.append(row)
         points = distinct if key == "v" else points
     lines.append(f"usemtl {surface.material}\n")
-    corners = np.stack([row[surface.faces] for row in rows], axis=-1)
-    corners = corners[np.argsort(corners[..., 0].min(axis=1), kind="stable")]  # neighbours follow one another
-    for faces in _quads(corners, points):
-        line = f"f{' %d/%d/%d' * faces.shape[1]}\n"
-        lines.append(line * len(faces) % tuple((faces + 1).ravel().tolist()))
+    faces = surface.faces[np.argsort(surface.faces.min(axis=1), kind="stable")]  # neighbours follow one another
+    corners = np.stack([row[faces] for row in rows], axis=-1)
+    for polygons in _quads(corners, points):
+        line = f"f{' %d/%d/%d' * polygons.shape[1]}\n"
+        lines.append(line * len(polygons) % tuple((polygons + 1).ravel().tolist()))
     return "".join(lines)
 
 
