@@ -23,8 +23,6 @@ from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
-from fieldtruth.sensors.camera.message import camera_matrix
-from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
