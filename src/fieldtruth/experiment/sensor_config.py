@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.core.readings import Message, Reading
 from fieldtruth.core.registry import Registry, load_module
@@ -246,7 +247,7 @@ class SensorConfig(Frozen):
         super().__pydantic_init_subclass__(**kwargs)
         kind = cls.model_fields["kind"].default
         if isinstance(kind, str):
-            KINDS[kind], cls.family = cls, vars(cls).get("family", kind)
+            KINDS[kind], cls.family, cls.noun = cls, vars(cls).get("family", kind), cls.noun or kind
 
     @model_validator(mode="before")
     @classmethod
@@ -349,6 +350,11 @@ class SensorConfig(Frozen):
     def optical_frames(self) -> dict[str, tuple[str, Any]]:
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
+
+    def base_from_frames(self) -> dict[str, Array]:
+        """Poses (4, 4) of its frames and its optical frames in base_link, by name."""
+        found = {name: mount.base_from_sensor for name, mount in self.frames().items()}
+        return found | {name: found[parent] @ pose for name, (parent, pose) in self.optical_frames().items()}
 
     @property
     def needs_signal_for_weather(self) -> bool:

@@ -53,7 +53,7 @@ def list_sensors() -> dict[str, dict[str, str]]:
     lists = {}
     for family in dict.fromkeys(config.family for config in (*CONFIGS, *KINDS.values())):
         kinds = [kind for kind, config in KINDS.items() if config.family == family]
-        noun = KINDS[kinds[0]].noun or kinds[0]
+        noun = KINDS[kinds[0]].noun
         many = noun if noun.endswith("s") else f"{noun}s"
         lists[f"{many} (kind{'s' * (len(kinds) > 1)} {' and '.join(kinds)})"] = list_models(family)
     added = {kind: config for kind, config in sorted(KINDS.items()) if config not in CONFIGS}
