@@ -61,10 +61,10 @@ _SINGLE: Final = re.compile(r"_\d+$")
 class _Frames(NamedTuple):
     """All that is needed to export a frame."""
 
-    cameras: Mapping[str, Mapping[str, Any]]
-    """Keys and values of each image's row by camera: frame and calibration."""
+    views: Mapping[str, Mapping[str, Any]]
+    """Keys and values of each image's row by view: frame and calibration."""
     mounts: Mapping[str, Array]
-    """base_from_optical (4, 4) by camera."""
+    """base_from_optical (4, 4) by view."""
     images: Mapping[str, Readings]
     trajectory: Trajectory
     numbering: "Numbering"
@@ -90,7 +90,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     run.streams([view.topics[part] for view in views for part in _PARTS])
     images = {view.label: run.readings(view.name, _PARTS) for view in views}
     mounts = {view.label: run.calibration.base_from(view.name) for view in views}
-    frames = _Frames({v.label: _camera(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
+    frames = _Frames({v.label: _calibration(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
     about = {} if boxes is None else boxes.objects()
     jobs = sorted(
         (stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()
@@ -111,41 +111,41 @@ def _views_of(run: Run) -> list[Source]:
     every, found = run.of(Image, recorded=False), run.of(Image, "photo")
     if not every:
         raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")
-    cameras = {view.device for view in found if view.has(run.counts, "instance")}
-    views = [view for view in found if not cameras or view.device in cameras]
+    devices = {view.device for view in found if view.has(run.counts, "instance")}
+    views = [view for view in found if not devices or view.device in devices]
     run.require(*(view.topics[part] for part in ("photo", "label") for view in views or every))
     run.require_instances(*(view.topics["instance"] for view in views))
     return views
 
 
 def _write_frame(target: Path, frames: _Frames, job: tuple[int, int, str]) -> "Picture":
-    """Write the image files of a frame, of a stamp and a camera; on any thread."""
-    stamp, _, camera = job
-    name = f"{camera}/{stamp}"
-    image, photo, suffix = with_photo(frames.images[camera], stamp)
+    """Write the image files of a frame, of a stamp and a view; on any thread."""
+    stamp, _, view = job
+    name = f"{view}/{stamp}"
+    image, photo, suffix = with_photo(frames.images[view], stamp)
     try:
         ids = frames.numbering.number(image.label, image.instance)
     except BagError as error:
-        raise BagError(f"{camera} camera at {stamp} ns: {error}") from error
+        raise BagError(f"{view} camera at {stamp} ns: {error}") from error
     height, width = ids.shape
     (target / "images" / f"{name}{suffix}").write_bytes(photo)
     (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
-    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[camera]
+    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[view]
     row = {
         "file_name": f"{name}{suffix}",
         "width": width,
         "height": height,
         "stamp_ns": stamp,
-        "camera": camera,
-        **frames.cameras[camera],
+        "camera": view,
+        **frames.views[view],
         "world_from_camera": world_from_optical.tolist(),
     }
     segments = segments_of(ids)
-    boxes = {} if frames.boxes is None else frames.boxes.of(camera, segments, world_from_optical)
+    boxes = {} if frames.boxes is None else frames.boxes.of(view, segments, world_from_optical)
     return Picture(row, f"{name}.png", segments, boxes)
 
 
-def _camera(run: Run, view: Source) -> dict[str, Any]:
+def _calibration(run: Run, view: Source) -> dict[str, Any]:
     lens = run.calibration.lens(view.name)
     return {
         "frame_id": lens.frame,
@@ -292,9 +292,9 @@ class CocoBoxes:
         """Boxes in the world frame by instance id."""
         return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
 
-    def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
-        """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
-        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
+    def of(self, view: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
+        """Keys by id of the segment, for an image of a view from a pose (4, 4)."""
+        whole, found, optical_from_world = self._whole(view), {}, transforms.inverse(world_from_optical)
         for segment in segments:
             category, number = divmod(segment.id, 1 << self._bits)
             if number not in self._boxes:
@@ -306,7 +306,7 @@ class CocoBoxes:
                 "amodal_area": alone.pixels,
                 "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
             }
-            if self._configs[camera].lens.model == "pinhole":
+            if self._configs[view].lens.model == "pinhole":
                 bounds = whole.bounds(number, world_from_optical, labels)
                 if bounds is not None:  # from pixel centres to COCO's pixel borders
                     left, top, right, bottom = (bounds + 0.5).tolist()
@@ -314,11 +314,11 @@ class CocoBoxes:
             found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
         return found
 
-    def _whole(self, camera: str) -> WholeObjects:
+    def _whole(self, view: str) -> WholeObjects:
         own: dict[str, WholeObjects] = vars(self._own)
-        if camera not in own:
-            own[camera] = WholeObjects(self._world, self._configs[camera])
-        return own[camera]
+        if view not in own:
+            own[view] = WholeObjects(self._world, self._configs[view])
+        return own[view]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -9,18 +9,19 @@ MLCommons (docs.mlcommons.org/croissant).
 
 import json
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any, Final, NamedTuple
 
 import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.exporters.frames import SPLITS, Member
+from fieldtruth.datasets import ROLES
+from fieldtruth.exporters.frames import SPLITS, Member, noun_of
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
@@ -28,6 +29,13 @@ CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
 """Of what fieldtruth generated; the licence of other bags is not known."""
 
+_TEMPLATES: Final = Environment(
+    loader=PackageLoader("fieldtruth.exporters", "."),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 _SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
 _LARGEST: Final = "1M<n<10M"
 CROISSANT: Final = "croissant.json"
@@ -116,11 +124,21 @@ def is_own(members: Sequence[Member]) -> bool:
 def content_of(members: Sequence[Member]) -> tuple[str, list[str]]:
     """Return the kinds of readings of a data set, for its description, and the units with labels: pixel, point."""
     views = [view for member in members for view in member.run.of(Image, "photo", "label")]
+    clouds = _cloud_sensors(members)
     kinds = {
         "pixel": "Stereo photographs" if any(view.side for view in views) else "Photographs" if views else "",
-        "point": "LiDAR clouds" if any(member.run.of(Cloud) for member in members) else "",
+        "point": f"{noun_of(clouds)} clouds" if clouds else "",
     }
     return " and ".join(filter(None, kinds.values())), [unit for unit, kind in kinds.items() if kind]
+
+
+def _cloud_sensors(members: Sequence[Member]) -> list[Source]:
+    return [sensor for member in members for sensor in member.run.of(Cloud)]
+
+
+def _tags(members: Sequence[Member]) -> list[str]:
+    """Kinds of the sensors of clouds, by which data sets are found."""
+    return list(dict.fromkeys(sensor.config.kind for sensor in _cloud_sensors(members)))
 
 
 def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
@@ -133,33 +151,23 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
         names: of the classes by id, without gaps.
     """
     content, units = content_of(members)
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
-    body = Template(text).substitute(
+    return _TEMPLATES.get_template("huggingface.md.jinja").render(
+        header=header,
         title=title_of(members),
         content=content,
-        units=" and every\n".join(units),
+        units=units,
         version=fieldtruth.__version__,
-        runs=f"{len(members)} run{'s' * (len(members) != 1)}",
-        splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),
-        use="\n".join(f'{t.name} = load_dataset("FOLDER", "{t.name}", split="{next(iter(t.splits))}")' for t in tables),
-        columns="\n\n".join(_columns(table) for table in tables),
-        classes=_table(
-            ("id", "class", "RGB"), [(k, c.name, " ".join(map(str, c.rgb))) for k, c in sorted(labels.classes.items())]
-        ),
-        members=_table(("run", "split", "environment", "seed", "time [s]"), map(_member_row, members)),
-        origin=_origin(members) if is_own(members) else "Runs that fieldtruth did not generate are among them.",
-        limits=f"## Known limits\n\n{card_part('limits')}\n\n" if is_own(members) else "",
-        licence=card_part("licence") if is_own(members) else "The licence is that of the recorded bags.",
-    )
-    return f"---\n{header}---\n\n{body}"
-
-
-def _origin(members: Sequence[Member]) -> str:
-    made = [member.run.experiment for member in members if member.run.experiment is not None]
-    return (
-        f"All is simulated: {collection_of(made)}. {conditions_of(made)}\n"
-        "Labels and measurements are from the same ray, so no label is an estimate."
+        tables=tables,
+        members=members,
+        classes=sorted(labels.classes.items()),
+        noun=noun_of(_cloud_sensors(members)) or ROLES[Cloud].noun,
+        own=is_own(members),
+        collection=collection_of(made) if made else "",
+        conditions=conditions_of(made) if made else "",
+        limits=card_part("limits"),
+        licence=card_part("licence"),
     )
 
 
@@ -167,14 +175,13 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     columns = {column.name for table in tables for column in table.columns}
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
-    kinds = {"images": "image", "clouds": "3d"}
-    lidar = ["lidar" for table in tables if table.name == "clouds"]
+    shown = [{"images": "image", "clouds": "3d"}[table.name] for table in tables]
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),
         "size_categories": [next((text for most, text in _SIZES.items() if rows < most), _LARGEST)],
         "task_categories": tasks,
-        "tags": ["synthetic", *lidar, "off-road", "semantic-segmentation", *(kinds[table.name] for table in tables)],
+        "tags": ["synthetic", *_tags(members), "off-road", "semantic-segmentation", *shown],
         "configs": [_configuration(table, default=table is tables[0]) for table in tables],
         "dataset_info": [_info(table, names) for table in tables],
     }
@@ -197,29 +204,6 @@ def _info(table: Table, names: Sequence[str]) -> dict[str, Any]:
         "download_size": sum(written.file_bytes for written in table.splits.values()),
         "dataset_size": sum(written.memory_bytes for written in table.splits.values()),
     }
-
-
-def _split_rows(tables: Sequence[Table]) -> list[Sequence[object]]:
-    return [
-        (f"`{table.name}`", split, written.rows, f"{written.file_bytes / 1e6:.1f}")
-        for table in tables
-        for split, written in table.splits.items()
-    ]
-
-
-def _columns(table: Table) -> str:
-    return f"### {table.name}\n\n" + _table(("column", ""), [(f"`{c.name}`", c.about) for c in table.columns])
-
-
-def _member_row(member: Member) -> Sequence[object]:
-    made_by = member.run.experiment
-    known = ("", "") if made_by is None else (made_by.environment, made_by.seed)
-    return (member.name, member.split, *known, f"{member.run.duration_s:.1f}")
-
-
-def _table(head: Sequence[str], rows: Any) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -252,7 +236,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
             f"{' and '.join(units)}. Written by fieldtruth {fieldtruth.__version__}."
         ),
         "version": "1.0.0",
-        "keywords": ["robotics", *["lidar"] * ("point" in units), "semantic segmentation", "off-road", "synthetic"],
+        "keywords": ["robotics", *_tags(members), "semantic segmentation", "off-road", "synthetic"],
         **own,
         "creator": {"@type": "sc:Organization", "name": "fieldtruth"},
         "isLiveDataset": False,
@@ -265,7 +249,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Sequence[str]) -> dict[str, Any]:
     """Return the responsible-AI properties of runs that fieldtruth generated."""
     made = [member.run.experiment for member in members if member.run.experiment is not None]
-    collection = f"Simulated by fieldtruth: {collection_of(made)}; cameras and LiDAR are ray tracers."
+    collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
     biases = [conditions_of(made), *fixed["dataBiases"]]
     values = {**fixed} | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
     return {f"rai:{key}": value for key, value in values.items()}
@@ -314,7 +298,8 @@ def _record_set(table: Table) -> dict[str, Any]:
         dataType="sc:Text",
         source=files | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
     )
-    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
+    key_columns = ("run", *(role.key for role in ROLES.values()), "stamp_ns")
+    keys = [column.name for column in table.columns if column.name in key_columns]
     fields = [split, *(_field(table.name, column, files) for column in table.columns)]
     return _node("RecordSet", table.name, key=[{"@id": f"{table.name}/{name}"} for name in keys], field=fields)
 
