@@ -11,8 +11,8 @@
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -145,7 +145,7 @@ def _rows(matrix: Array) -> list[list[float]]:
     return rows
 
 
-def imu_text(rig: Rig) -> str:
+def noise_text(rig: Rig) -> str:
     """Return the text of imu.yaml; of a rig with several IMUs, a document of each, since Kalibr takes a file of each.
 
     Raises:
@@ -194,10 +194,19 @@ def _number(value: float) -> str:
     return repr(int(rounded)) if rounded == int(rounded) else repr(rounded)
 
 
-FORMATS: Final[dict[str, Callable[[Rig], str]]] = {
-    "tree": tree_text,
-    "urdf": urdf_text,
-    "camchain": camchain_text,
-    "imu": imu_text,
+class Format(NamedTuple):
+    """A format of ``fieldtruth rig --to``."""
+
+    text: Callable[[Rig], str]
+    endings: tuple[str, ...]
+    """Of its files."""
+
+
+_YAML: Final = (".yaml", ".yml")
+FORMATS: Final[Mapping[str, Format]] = {
+    "tree": Format(tree_text, (".txt", ".md")),
+    "urdf": Format(urdf_text, (".urdf", ".xml")),
+    "camchain": Format(camchain_text, _YAML),
+    "imu": Format(noise_text, _YAML),
 }
-"""Writers of ``fieldtruth rig --to``."""
+"""Formats by name; those of Kalibr have the names of its files."""
