@@ -14,7 +14,6 @@ in one line.
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -28,7 +27,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.lenses import COEFFICIENTS, Lens
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import package_data, write_mapping
+from fieldtruth.core.yaml_io import filled, package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.exporters import Options
@@ -279,18 +278,10 @@ def fast_lio2(facts: Facts) -> Files | str:
 
 
 def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
-    """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
-
-    def fill(node: Any) -> Any:
-        if isinstance(node, dict):
-            return {key: fill(each) for key, each in node.items()}
-        if not (isinstance(node, str) and node.startswith("$")):
-            return node
-        found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
-        return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
-
-    filled: dict[str, Any] = fill(package_data("fieldtruth.exporters", f"slam/{template}.yaml"))
-    return filled
+    """Return the values of a template, whose ``$names`` stand for ``values``, or attributes of facts."""
+    text = package_data("fieldtruth.exporters", f"slam/{template}.yaml")
+    found: dict[str, Any] = filled(text, facts._asdict() | values)
+    return found
 
 
 def _numbers(values: Any) -> list[float]:
