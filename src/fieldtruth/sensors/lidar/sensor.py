@@ -19,6 +19,9 @@ from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld
 from fieldtruth.sensors.lidar.config import MEASURED, LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
+from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, Traced, ray_directions, sweep_times_ns
 
 _DATATYPES: Final = {
     "<f4": PointField.FLOAT32,
@@ -111,6 +114,13 @@ class LidarSensor(Sensor):
     def signal(self, output: Output, at: At, truth: Traced) -> Cloud:
         """Measure the echoes that were traced last."""
         return self._cloud(self._lidar.measure(truth, at.number), at)
+
+    def rays(self) -> Rays:
+        """Rays by column and ring; they give a labelled scan."""
+        scan = IdealLidar(self.config, self.sensor_world.scene).scan
+        return Rays(
+            ray_directions(self.config).astype(np.float32), self.config.max_range, ({self.config.family: scan},)
+        )
 
     def messages(self, output: Output, number: int, reading: Cloud) -> Iterable[bytes]:
         """Serialise sensor_msgs/PointCloud2."""
