@@ -16,11 +16,8 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.lidar_noise import Reading
-from fieldtruth.sensors.kind import At, Sensor, SensorWorld
-from fieldtruth.sensors.lidar.config import MEASURED, LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
 from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
-from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.config import MEASURED, LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, Traced, ray_directions, sweep_times_ns
 
 _DATATYPES: Final = {
