@@ -28,6 +28,8 @@ PRESCRIBED: Final = {
         *("camera", "lidar", "LiDAR", "camera_stamp_ns", "lidar_stamp_ns"),
         *("world_from_camera", "world_from_lidar", "base_from_camera", "base_from_lidar"),
     },  # arguments, and keys of samples
+    "experiment/sensor_families.py": {"camera_info"},  # the topic in which ROS's packages expect a calibration
+    "gazebo/ros/__init__.py": {"camera_info"},
     "exporters/stereo_depth.py": {"stereo", "StereoSGBM"},  # a folder of the format, and OpenCV's matcher
 }
 """Words by file that a format or a public interface prescribes, whatever the kind of the sensor."""
@@ -61,8 +63,9 @@ def test_kinds_of_sensors_are_recognised_in_code() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["bag", "bench", "cli", "cluster", "core", "datasets.py", "degradation.py", "exporters", "interchange", "ontology",
-     "pipeline.py", "record", "render", "report", "simulation", "validation", "world"],
+    ["annotation.py", "bag", "bench", "campaign", "cli", "cluster", "core", "datasets.py", "degradation.py", "drive",
+     "experiment", "exporters", "gazebo", "interchange", "ontology", "pipeline.py", "record", "render", "report",
+     "simulation", "validation", "world"],
 )  # fmt: skip
 def test_only_its_own_folder_names_a_kind_of_sensor(name: str) -> None:
     """Packages that serve kinds of other packages as they serve our own; those that name one are not listed yet."""
