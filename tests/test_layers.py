@@ -63,7 +63,7 @@ def test_kinds_of_sensors_are_recognised_in_code() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["annotation.py", "bag", "bench", "campaign", "cli", "cluster", "core", "datasets.py", "degradation.py",
+    ["annotation.py", "bag", "bench", "campaign", "cli", "cluster", "core", "datasets.py", "degradation.py", "drive",
      "experiment", "exporters", "gazebo", "interchange", "ontology", "pipeline.py", "record", "render", "report",
      "simulation", "validation", "world"],
 )  # fmt: skip

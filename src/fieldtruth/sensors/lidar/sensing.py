@@ -234,7 +234,7 @@ def surface_table(scene: Scene) -> SurfaceTable:
     world = scene.world
     rows = {name: row for row, name in enumerate(world.materials)}
     faces = [np.array([rows[n] for n in mesh.materials], np.uint16)[mesh.material] for mesh in scene.meshes]
-    rotation = np.array([top.world_from_object[:3, :3] for top in scene.tops])
+    rotation = np.array([top.world_from_object[:3, :3] for top in scene.top_levels])
     terrain, on_trail = world.terrain, snow_on_trails(world.terrain)
     return SurfaceTable(
         face_material=np.concatenate([*faces, np.zeros(0, np.uint16)]),
@@ -439,7 +439,7 @@ class IdealLidar:
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
-        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
+        """Return whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
         if self.config.pattern is not None:
             robot.aim(self._beams.directions)
         column, ring, range_m = robot.column, robot.ring, robot.range_m
