@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
 from views import poses_on_route
 
-from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
-from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.sensors import Stretches, pixel_directions, recording, stretches_of
+from fieldtruth.bench import Settings, measure, settings_of, table, unit_of
+from fieldtruth.bench.sensors import MODES, BareTracer, Mode, Stretches, best_mode, recording, stretches_of
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
@@ -30,6 +29,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.camera.sensor import pixel_directions
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
@@ -40,6 +40,11 @@ from fieldtruth.world.model import World
 RIG = paper_rig(cameras=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 EXPERIMENT = Experiment(
     name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
+)
+FIGURES = (
+    *("lidar_mrays_per_s", "lidar_bare_mrays_per_s", "lidar_over_bare"),
+    *("camera_mrays_per_s", "camera_bare_mrays_per_s", "label_image_over_bare", "photograph_over_bare"),
+    *("normals_over_bare", "flow_over_bare", "images_per_s", "pairs_per_s", "image_efficiency", "peak_rss_mb"),
 )
 ONE_OF_EACH = ("large_trees", "small_trees", "benches", "lamp_posts", "tables", "trash_bins", "individuals")
 PARK = ParkConfig.model_validate(
@@ -130,6 +135,7 @@ def test_table_shows_value_and_unit() -> None:
         ["lidar_over_bare", "1.41", "x"],
         ["peak_rss_mb", "1500", "MB"],
     ]
+    assert [unit_of(name) for name in ("images_per_s", "pairs_per_s", "light_bake_s")] == ["images/s", "pairs/s", "s"]
 
 
 @pytest.mark.parametrize(
@@ -172,12 +178,14 @@ def test_photographs_that_are_timed_are_those_that_are_recorded(
     for name in ("perf_counter", "thread_time"):
         monkeypatch.setattr(f"fieldtruth.bench.sensors.{name}", lambda: getattr(clock, "now", 0.0))
     monkeypatch.setattr(IdealCamera, "render", passing(IdealCamera.render, 1.0))
+    monkeypatch.setattr(LabelCamera, "label", passing(LabelCamera.label, 0.6))
     monkeypatch.setattr(BareTracer, "trace", passing(BareTracer.trace, 0.5))
     experiment = EXPERIMENT.model_copy(update={"seconds": 2.2})
     found = measure(
         Settings(experiment=experiment.model_copy(update={"rig": Rig(sensors=RIG.enabled(CameraConfig))}), views=3)
     )
     assert found["photograph_over_bare"] == pytest.approx(2.0, rel=1e-9)
+    assert found["label_image_over_bare"] == pytest.approx(1.2, rel=1e-9)
     assert found["image_efficiency"] == pytest.approx(0.5, rel=1e-9)
 
 
@@ -188,7 +196,7 @@ def test_reduced_run_gives_every_figure(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     figures = measure(Settings(experiment=EXPERIMENT, views=2))
-    assert list(json.loads(json.dumps(figures))) == list(UNITS)
+    assert list(json.loads(json.dumps(figures))) == list(FIGURES)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
 
@@ -202,11 +210,11 @@ def test_figures_are_those_of_the_sensors_that_a_rig_has(
     sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
     experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
     figures = measure(Settings(experiment=experiment, views=1))
-    lacking = {"stereo_pairs_per_s"}
+    lacking = {"pairs_per_s"}
     if "front" not in names:
         of_cameras = ("image", "camera", "photograph", "normals", "flow")
-        lacking |= {key for key in UNITS if any(word in key for word in of_cameras)}
-    assert figures.keys() == UNITS.keys() - lacking
+        lacking |= {key for key in FIGURES if any(word in key for word in of_cameras)}
+    assert figures.keys() == set(FIGURES) - lacking
     assert all(math.isfinite(value) and value > 0 for value in figures.values())
 
 
@@ -278,6 +286,6 @@ def test_document_explains_every_figure_with_its_unit() -> None:
     rows = {
         cells[1].strip().strip("`"): cells for cells in (line.split("|") for line in text.splitlines()) if cells[2:]
     }
-    for key, unit in UNITS.items():
-        assert rows[key][2].strip() == unit
+    for key in FIGURES:
+        assert rows[key][2].strip() == unit_of(key)
         assert rows[key][-2].strip()

@@ -20,11 +20,10 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.message import camera_matrix
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
+from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 

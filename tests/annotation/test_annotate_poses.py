@@ -17,9 +17,8 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World

@@ -22,13 +22,13 @@ from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
 from fieldtruth.sense.lens import pinhole
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 HUSKY = RobotConfig()
 FLAVOURS = get_args(Flavour)
@@ -71,6 +71,16 @@ def test_urdf_has_the_frames_of_tf_static(rig: Rig, tmp_path: Path) -> None:
         np.testing.assert_allclose(urdf.get_transform(child, parent), parent_from_child, rtol=0, atol=1e-9)
     base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     np.testing.assert_allclose(urdf.get_transform("left_camera_optical"), base_from_optical, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_a_kind_may_give_an_element_of_its_own(
+    flavour: Flavour, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(WheelOdometryConfig, "gazebo", lambda self, flavour: f"<sensor name='{self.name}' type='x'/>")
+    assert sdf(Rig(), flavour, tmp_path).find(".//link[@name='base_link']/sensor[@type='x']") is not None
+    urdf = ET.parse(tmp_path / "urdf/husky.urdf").getroot()
+    assert urdf.find("gazebo[@reference='base_link']/sensor[@type='x']") is not None
 
 
 @RIGS

@@ -74,6 +74,18 @@ def test_world_key_covers_every_input(file: str) -> None:
     assert source / "fieldtruth" / file in inputs
 
 
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_worlds_stay_where_a_sensor_or_the_robot_changes(name: str) -> None:
+    source = Path(cache.__file__).parents[2]
+    modules = [f"{ENVIRONMENTS[name].package}.{module}" for module in ("build", "config")]
+    inputs = cache.import_closure(["fieldtruth.world.build", *modules], source)
+    others = {path.relative_to(source / "fieldtruth").as_posix() for path in inputs if path.parts[-2] != "fieldtruth"}
+    assert {file for file in others if not file.startswith(("core/", "kernels/", "world/"))} == {
+        "experiment/__init__.py",
+        "experiment/fields.py",
+    }
+
+
 def test_world_key_of_one_environment_does_not_depend_on_the_others() -> None:
     assert len({world_key(name) for name in ENVIRONMENTS}) == len(ENVIRONMENTS)
 

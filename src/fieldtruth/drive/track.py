@@ -46,6 +46,10 @@ class Motion:
         """The first ``count`` rows."""
         return rows_of(self, 0, count)
 
+    def at(self, rows: Counts) -> "Motion":
+        """Some of the rows."""
+        return Motion(**{name: values[rows] for name, values in vars(self).items()})
+
 
 @dataclass(frozen=True, kw_only=True)
 class WheelMotion:
@@ -91,7 +95,7 @@ class Track:
     base: Base | None
     """None without wheels, as along a track file."""
     is_frames: bool = False
-    """Whether each row of the motion is a pose of its own, at which all sensors read; no sensor measures motion."""
+    """True if each row of the motion is a pose of its own, at which all sensors read; no sensor measures motion."""
 
     @property
     def duration_s(self) -> float:

@@ -8,15 +8,19 @@ base_link is in the middle of the underside of the chassis; a differential robot
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.catalogue import ROBOTS, with_robot_model
-from fieldtruth.experiment.fields import CLEARLY, Frozen, LocatedError, Mount, Number, Positive, shortened
+from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive, shortened
 
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 GRAVITY: Final = 9.81  # [m/s^2]
 MAX_DEFLECTION: Final = 0.2
 """Greatest deflection of a tyre at rest, in radii: beyond, it is flat, and the springs of its tread are no model."""
+CLEARLY: Final = 3
+"""Values that must differ from those of a named model before they are taken for another's."""
 Inertia = tuple[Positive, Positive, Positive]
 Length = Annotated[Number, Field(gt=0, le=2)]
 
@@ -148,6 +152,16 @@ class RobotConfig(Frozen):
         return (self.deck_height or self.outline[2]) - self.ground_clearance
 
     @property
+    def chassis_mass(self) -> float:
+        """Mass [kg] without the wheels."""
+        return self.mass - len(self.wheels.names) * self.wheels.mass
+
+    @property
+    def chassis_moments(self) -> Array:
+        """Principal moments of inertia (3,) [kg m^2] of the chassis with its mass."""
+        return np.array(self.chassis_inertia) * (self.chassis_mass / self.chassis_inertia_mass)
+
+    @property
     def corners(self) -> tuple[tuple[float, float], ...]:
         """Contact points x, y [m] in base_link: front left, front right, rear left, rear right.
 
@@ -163,5 +177,4 @@ class RobotConfig(Frozen):
         """Share of the weight on the caster."""
         if self.caster is None:
             return 0.0
-        chassis = self.mass - len(self.wheels.names) * self.wheels.mass
-        return self.chassis_centre[0] * chassis / self.mass / self.caster.x
+        return self.chassis_centre[0] * self.chassis_mass / self.mass / self.caster.x

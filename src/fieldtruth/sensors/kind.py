@@ -8,13 +8,14 @@ real sensor makes of it, and the messages. A kind is known once the module with 
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
@@ -83,7 +84,7 @@ class SensorWorld(_Shared):
 
     @property
     def wide_ids(self) -> bool:
-        """Whether instance ids need more than 16 bits."""
+        """Return whether instance ids need more than 16 bits."""
         return self.world.has_wide_ids
 
     @property
@@ -123,7 +124,7 @@ class Movement(_Shared):
 
     @property
     def stands(self) -> bool:
-        """Whether each pose is one by itself, at which the robot stands."""
+        """Return whether each pose is one by itself, at which the robot stands."""
         return self._track is not None and self._track.is_frames
 
 
@@ -138,14 +139,19 @@ def movement_of(track: Track) -> Movement:
     return Movement(pose, track)
 
 
-class At(NamedTuple):
-    """When a reading is taken, and where."""
+def standing(world_from_base: Array) -> Movement:
+    """Return the motion of a robot that stands at a pose (4, 4)."""
+    return Movement(lambda stamp_ns: np.tile(world_from_base, (*np.shape(stamp_ns), 1, 1)))
 
-    number: int
-    """Of the reading, from 0."""
-    stamp_ns: int
+
+class At(NamedTuple):
+    """Stamps of a reading, and the motion around it."""
+
+    number: Any
+    """Of the reading, from 0: int, or (n,) of a series, as its stamps."""
+    stamp_ns: Any
     """True time [ns]."""
-    header_ns: int
+    header_ns: Any
     """Time [ns] that the sensor's clock shows."""
     movement: Movement
     next_ns: int | None = None
@@ -155,6 +161,17 @@ class At(NamedTuple):
     def stamps(self) -> dict[str, Any]:
         """Stamps of the reading, as ``core.readings`` names them."""
         return {"stamp_ns": self.stamp_ns, "header_ns": self.header_ns}
+
+
+class Rays(NamedTuple):
+    """Rays of a reading, and what traces them, for a comparison with the bare ray tracer."""
+
+    directions: Float32Array
+    """(h, w, 3) unit vectors in the frame of the reading."""
+    far: float
+    """Their length [m]."""
+    tasks: Sequence[Mapping[str, Callable[[Array], object]]]
+    """Called with a pose (4, 4) of that frame, by name; those of one mapping at each pose one after another."""
 
 
 class Sensor(ABC):
@@ -187,8 +204,17 @@ class Sensor(ABC):
         return truth
 
     @abstractmethod
-    def messages(self, output: Output, number: int, reading: Any) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: Any) -> Iterable[bytes]:
         """Serialise a reading: a message for each topic of the output."""
+
+    def labels(self, output: Output, at: At) -> NDArray[np.uint8]:
+        """Return the class ids of a reading without a signal: of the points (n,), or the pixels (h, w)."""
+        labels: NDArray[np.uint8] = self.truth(output, at).label
+        return labels
+
+    def rays(self) -> Rays | None:
+        """Return the rays of the first reading at a stamp; None if their number depends on what is there."""
+        return None
 
     def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:
         """State in what the decoded messages of a bag differ from a reading that was made again; empty: in nothing.
@@ -211,7 +237,8 @@ class MotionSensor(Sensor):
     """A sensor that measures the robot's own motion. Its noise has a memory, so its readings are made in their order.
 
     It reads at steps of the physics; ``sees`` of its configuration is false. Readings depend neither on what follows
-    them, nor on how a motion is cut into calls of ``extend``.
+    them, nor on how a motion is cut into calls of ``extend``. Some come at 1000 Hz, so ``reading`` and ``messages``
+    take n at once: numbers and stamps are then (n,), and messages are in the order of the readings, then of the topics.
     """
 
     @abstractmethod
@@ -227,7 +254,7 @@ class MotionSensor(Sensor):
 
     @abstractmethod
     def reading(self, output: Output, at: At, series: Any) -> Any:
-        """Return reading ``at.number`` of those that one call of ``extend`` has returned."""
+        """Return reading ``at.number``, or a series, of those that one call of ``extend`` has returned."""
 
     def series(self, movement: Movement) -> tuple[Any, Any]:
         """Return all ideal and all measured readings along a drive; made once."""

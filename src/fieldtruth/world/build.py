@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from pydantic import ValidationError
@@ -18,11 +18,10 @@ from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.classes import Label
 from fieldtruth.core.files import atomic_output
 from fieldtruth.core.parallel import check_memory
-from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.environments import ENVIRONMENTS
-from fieldtruth.world.environments.layout import GroundConfig
+from fieldtruth.world.environments.layout import PLANTINGS, GroundConfig
 from fieldtruth.world.grids import Line
 from fieldtruth.world.library import data_files
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
@@ -69,7 +68,23 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
     return cut_at_edge(world) if getattr(config, "beyond", True) is False else world
 
 
-def check_experiment(experiment: Experiment, source: str = "") -> None:
+class WorldChoice(Protocol):
+    """The part of an experiment that shapes its world: `Experiment` itself would add all sensors to `world_key`."""
+
+    @property
+    def environment(self) -> str:
+        """Name of the environment."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of everything random."""
+
+    @property
+    def layout(self) -> Mapping[str, Any]:
+        """Changes to the environment's configuration."""
+
+
+def check_experiment(experiment: WorldChoice, source: str = "") -> None:
     """Check that an experiment's environment exists and that its layout is allowed there.
 
     Raises:
@@ -98,9 +113,13 @@ def layout_model(environment: str) -> type[Frozen]:
 def reserved_corridors(environment: str) -> list[Line]:
     """Centre lines of the corridors that stay free of obstacles, whatever experiments exist."""
     config = _module(environment, "config")
-    if not hasattr(config, "CORRIDORS"):  # packages made for earlier versions have a module of their own for them
-        config = _module(environment, "corridors")
-    return [Line.through(corners, smooth=False) for corners in config.CORRIDORS]
+    if hasattr(config, "CORRIDORS"):
+        corridors = config.CORRIDORS
+    elif environment in PLANTINGS:
+        corridors = PLANTINGS[environment].corridors
+    else:  # packages made for earlier versions have a module of their own for them
+        corridors = _module(environment, "corridors").CORRIDORS
+    return [Line.through(corners, smooth=False) for corners in corridors]
 
 
 def load_world(
@@ -137,7 +156,7 @@ def _is_source(path: Path) -> bool:
     return path.is_file() and "__pycache__" not in path.parts
 
 
-def world_of(experiment: Experiment) -> World:
+def world_of(experiment: WorldChoice) -> World:
     """Load the world of an experiment."""
     return load_world(experiment.environment, experiment.seed, experiment.layout)
 

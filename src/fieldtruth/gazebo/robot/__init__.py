@@ -3,7 +3,7 @@
 """The robot with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers."""
 
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
@@ -17,9 +17,6 @@ from fieldtruth.gazebo.templates import render, write
 
 Flavour = Literal["classic", "gz"]
 """Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
-
-ARGUMENTS: Final = {"lidar": True, "cameras": True, "plain": False}
-"""Arguments of husky.urdf.xacro with their defaults; ``plain`` publishes the images as tag images."""
 
 
 def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
@@ -37,7 +34,7 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
         ConfigurationError: a sensor that Gazebo does not have, see ``parts.check_rig``.
     """
     parts.check_rig(rig)
-    values = _values(rig)
+    values = _values(rig, flavour)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
     version = "1.9" if flavour == "gz" else "1.7"
     words = {"robot": values["robot"], "sensors": _sensors(rig)}
@@ -50,15 +47,14 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
 
 def _sensors(rig: Rig) -> str:
     """Name the kinds of sensors of a rig: ``LiDAR, stereo camera and IMU``."""
-    cameras = sorted(rig.enabled(ImagingConfig), key=lambda camera: -len(camera.imagers()))
-    found = (*rig.enabled(ScanningConfig), *cameras, *rig.giving(Inertial), *rig.giving(Fix))
+    imaging = sorted(rig.enabled(ImagingConfig), key=lambda each: -len(each.imagers()))
+    found = (*rig.enabled(ScanningConfig), *imaging, *rig.giving(Inertial), *rig.giving(Fix))
     *rest, last = dict.fromkeys(sensor.noun for sensor in found) or ["none"]
     return f"{', '.join(rest)} and {last}" if rest else last
 
 
-def _values(rig: Rig) -> dict[str, Any]:
+def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
     mounts = rig.mounts()
-    chassis_mass = rig.robot.mass - 4 * rig.wheels.mass
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
@@ -67,12 +63,12 @@ def _values(rig: Rig) -> dict[str, Any]:
         "geodesy": geodesy,
         "parts": parts,
         "friction": FRICTION,
-        "defaults": ARGUMENTS,
         "frames": parts.fixed_frames(rig),
         "scanners": rig.enabled(ScanningConfig),
-        "imus": rig.giving(Inertial),
+        "inertial_sensors": rig.giving(Inertial),
         "receivers": rig.giving(Fix),
         "antennas": {receiver.frame for receiver in rig.giving(Fix)},
+        "own": [text for each in rig.in_order() if (text := each.gazebo(flavour))],
         "shapes": parts.body_shapes(rig),
         "tread": parts.wheel_shape(rig),
         "near": parts.NEAR,
@@ -80,8 +76,8 @@ def _values(rig: Rig) -> dict[str, Any]:
         "black": parts.BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
-        "chassis_mass": chassis_mass,
-        "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
+        "chassis_mass": rig.robot.chassis_mass,
+        "inertia": parts.chassis_inertia(rig.robot),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
         "wheel_inertia": parts.wheel_inertia(rig.robot),

@@ -25,9 +25,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial
 from fieldtruth.drive import physics
-from fieldtruth.drive.physics import Box, body_boxes
+from fieldtruth.drive.physics import body_boxes
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Box, Rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
@@ -37,18 +37,16 @@ STIFFNESS: Final = 1e7  # [N/m]
 DAMPING: Final = 1.0  # [N s/m]
 MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
 MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
-GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
-GNSS_INERTIA: Final = 1e-6  # [kg m^2]
+ANTENNA_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
+ANTENNA_INERTIA: Final = 1e-6  # [kg m^2]
 _HELD: Final = (Cloud, Image, Inertial, Fix)
 """Types of readings that Gazebo's sensors have."""
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
-_CAMERA: Final = (0.04, 0.04, 0.04)  # [m] along x, y, z
+_SINGLE: Final = (0.04, 0.04, 0.04)  # [m] along x, y, z
 _ANTENNA: Final = (0.045, 0.02)  # [m] radius, height
 _POLE: Final = 0.015  # [m] radius
-_NAMES: Final = {"lidar": "os1", "stereo": "zed2", "gnss": "antenna"}
-"""Of the housings of the paper's sensors, by the sensors' names."""
 NEAR: Final = 0.1  # [m] from a camera, below which it sees nothing
 YELLOW: Final = (0.8, 0.6, 0.05)
 BLACK: Final = (0.12, 0.12, 0.12)
@@ -95,7 +93,7 @@ def fixed_frames(rig: Rig) -> tuple[Frame, ...]:
     return tuple(table)
 
 
-def camera_pose(imager: Imager) -> tuple[float, ...]:
+def view_pose(imager: Imager) -> tuple[float, ...]:
     """Pose in base_link (x, y, z [m], roll, pitch, yaw [rad]) of a camera whose x axis looks ahead, as Gazebo's do."""
     if np.array_equal(imager.frame_from_optical, OPTICAL):
         return mount_pose(imager.mount)
@@ -138,8 +136,8 @@ def check_rig(rig: Rig) -> None:
     """
     if rig.robot.drive != "skid_steer":
         raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
-    for sensor in rig.sensors:
-        if sensor.enabled and not issubclass(sensor.gives, _HELD) and not sensor.needs_wheels:
+    for sensor in rig.in_order():
+        if not (issubclass(sensor.gives, _HELD) or sensor.needs_wheels or sensor.gazebo("gz")):
             raise ConfigurationError(
                 f"rig.sensors: {sensor.name} is of kind {sensor.kind}, which a Gazebo package cannot hold; "
                 "give enabled: false"
@@ -152,16 +150,16 @@ def check_rig(rig: Rig) -> None:
             if isinstance(value, str):
                 what, why = f"the {key} {value}", "Gazebo's scanner turns evenly"
             raise ConfigurationError(f"rig.sensors: {scanner.name} has {what}; {why}; give enabled: false")
-    for camera in rig.enabled(ImagingConfig):
-        if camera.lens != LensConfig():
-            changed = [key for key, value in LensConfig() if getattr(camera.lens, key) != value]
+    for imaging in rig.enabled(ImagingConfig):
+        if imaging.lens != LensConfig():
+            changed = [key for key, value in LensConfig() if getattr(imaging.lens, key) != value]
             own = (
                 f"a lens with {', '.join(changed)}"
-                if camera.lens.model == "pinhole"
-                else f"the lens {camera.lens.model}"
+                if imaging.lens.model == "pinhole"
+                else f"the lens {imaging.lens.model}"
             )
             raise ConfigurationError(
-                f"rig.sensors: {camera.name} has {own}; a Gazebo package has plain pinhole cameras only; "
+                f"rig.sensors: {imaging.name} has {own}; a Gazebo package has plain pinhole cameras only; "
                 "give enabled: false"
             )
 
@@ -176,10 +174,9 @@ def wheel_inertia(figures: RobotConfig) -> Array:
     return np.array([across, axle, across])
 
 
-def chassis_inertia(figures: RobotConfig, mass: float) -> Array:
-    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], less what ``wheel_inertia`` adds."""
-    inertia = np.array(figures.chassis_inertia) * (mass / figures.chassis_inertia_mass)
-    return inertia - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
+def chassis_inertia(figures: RobotConfig) -> Array:
+    """Principal moments (3,) [kg m^2] of the chassis, less what ``wheel_inertia`` adds."""
+    return figures.chassis_moments - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
 
 
 def _frame(name: str, parent: str, mount: Mount) -> Frame:
@@ -223,8 +220,8 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     shapes = [_chassis(rig)]
     if "mast" in boxes and (mast := _mast(rig, boxes["mast"], float(chassis.size[2]))):
         shapes.append(mast)
-    housings = [*_lidar_housings(rig, chassis), *_camera_housings(rig)]
-    housings += [(each, _cylinder(_name(each), _ANTENNA, each.mount)) for each in rig.giving(Fix)]
+    housings = [*_scanner_housings(rig, chassis), *_view_housings(rig)]
+    housings += [(each, _cylinder(f"{each.name}_housing", _ANTENNA, each.mount)) for each in rig.giving(Fix)]
     return (*shapes, *(shape for owner, shape in housings if not _observers(rig, shape, owner)))
 
 
@@ -246,34 +243,29 @@ def _chassis(rig: Rig) -> Shape:
     return Shape("chassis", tuple(box.size.tolist()), tuple(box.centre.tolist()), YELLOW, solid=True)
 
 
-def _name(sensor: SensorConfig) -> str:
-    return _NAMES.get(sensor.name, f"{sensor.name}_housing")
-
-
-def _lidar_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
+def _scanner_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """LiDARs with the poles on which they stand, which end below the cameras."""
     top = float(chassis.size[2])
     heights = [imager.mount.xyz[2] for imager in rig.imagers]
-    for lidar in rig.enabled(ScanningConfig):
-        x, y, z = lidar.mount.xyz
+    for scanner in rig.enabled(ScanningConfig):
+        x, y, z = scanner.mount.xyz
         low = min(z, *heights) - _OS1[1] / 2
         if low > top and (np.abs((x, y)) < chassis.size[:2] / 2).all():
-            name = "pole" if _name(lidar) == "os1" else f"{lidar.name}_pole"
-            yield None, Shape(name, (_POLE, low - top), (x, y, (low + top) / 2))
-        yield lidar, _cylinder(_name(lidar), _OS1, lidar.mount)
+            yield None, Shape(f"{scanner.name}_pole", (_POLE, low - top), (x, y, (low + top) / 2))
+        yield scanner, _cylinder(f"{scanner.name}_housing", _OS1, scanner.mount)
 
 
-def _camera_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
+def _view_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """Boxes behind the centres of the lenses."""
-    for camera in rig.enabled(ImagingConfig):
-        imagers = camera.imagers()
-        poses = [camera_pose(imager) for imager in imagers]
+    for imaging in rig.enabled(ImagingConfig):
+        imagers = imaging.imagers()
+        poses = [view_pose(imager) for imager in imagers]
         middle = np.mean([pose[:3] for pose in poses], axis=0)
         base_from_body = transforms.pose((0.0, 0.0, 0.0), np.degrees(poses[0][3:]).tolist())
-        depth, width, height = _ZED2 if len(imagers) > 1 else _CAMERA
+        depth, width, height = _ZED2 if len(imagers) > 1 else _SINGLE
         size = (depth, round(width + imagers[-1].baseline, 9), height)
         centre = np.round(middle - base_from_body[:3, 0] * depth / 2, 12).tolist()
-        yield camera, Shape(_name(camera), size, tuple(centre), rpy=poses[0][3:])
+        yield imaging, Shape(f"{imaging.name}_housing", size, tuple(centre), rpy=poses[0][3:])
 
 
 def _cylinder(name: str, size: tuple[float, float], mount: Mount) -> Shape:
@@ -286,7 +278,7 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = {lidar.name: _hits(lidar, points) for lidar in rig.enabled(ScanningConfig) if lidar != owner}
+    seen = {scanner.name: _hits(scanner, points) for scanner in rig.enabled(ScanningConfig) if scanner != owner}
     seen |= {
         imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
         for imager in rig.imagers
@@ -295,28 +287,28 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     return [name for name, found in seen.items() if found]
 
 
-def _hits(lidar: ScanningConfig, points: Array) -> bool:
-    x, y, z = transforms.transform(transforms.inverse(lidar.mount.base_from_sensor), points).T
-    angles, elevation = scan_angles(lidar), np.arctan2(z, np.hypot(x, y))
+def _hits(scanner: ScanningConfig, points: Array) -> bool:
+    x, y, z = transforms.transform(transforms.inverse(scanner.mount.base_from_sensor), points).T
+    angles, elevation = scan_angles(scanner), np.arctan2(z, np.hypot(x, y))
     within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
-    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= lidar.min_range)).any())
+    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= scanner.min_range)).any())
 
 
-def _shows(camera: ImagingConfig, optical: Array) -> bool:
-    lens, (u, v, depth) = camera.projection, optical.T
-    inside = (np.abs(u) * lens.fx < depth * camera.width / 2) & (np.abs(v) * lens.fy < depth * camera.height / 2)
+def _shows(imaging: ImagingConfig, optical: Array) -> bool:
+    lens, (u, v, depth) = imaging.projection, optical.T
+    inside = (np.abs(u) * lens.fx < depth * imaging.width / 2) & (np.abs(v) * lens.fy < depth * imaging.height / 2)
     return bool((inside & (depth > NEAR)).any())
 
 
 def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:
     """Return the mast of the physics, cut off below the LiDARs' beams, which Gazebo would otherwise let it meet."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
-    for lidar in rig.enabled(ScanningConfig):
-        x, y, z = lidar.mount.xyz
+    for scanner in rig.enabled(ScanningConfig):
+        x, y, z = scanner.mount.xyz
         corner = max(math.hypot(cx - x, cy - y) for cx in (low[0], high[0]) for cy in (low[1], high[1]))
-        tilt = math.degrees(math.acos(np.clip(lidar.mount.base_from_sensor[2, 2], -1.0, 1.0)))
-        angles = lidar.elevations_deg
-        below = tilt + (lidar.vertical_fov_deg / 2 if angles is None else max(-min(angles), 0.0))
+        tilt = math.degrees(math.acos(np.clip(scanner.mount.base_from_sensor[2, 2], -1.0, 1.0)))
+        angles = scanner.elevations_deg
+        below = tilt + (scanner.vertical_fov_deg / 2 if angles is None else max(-min(angles), 0.0))
         drop = corner * math.tan(math.radians(min(below, 89.0)))
         high[2] = min(high[2], z - drop - 0.01)
     if high[2] <= bottom:

@@ -15,8 +15,8 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
-from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, texture_file, write_glb, write_obj, write_textures
+from fieldtruth.gazebo.worlds.bodies import TILE, Body, Part, world_bodies
+from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, SOLID, texture_file, write_glb, write_obj, write_textures
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface, tiles_of_swarms
 from fieldtruth.render.daylight import sun_direction
@@ -51,9 +51,11 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
             write_glb(path.with_name(f"{path.name}.glb"), surface)
         else:
             texture = f"../../{materials}/materials/textures/{texture_file(world, part.material)}"
-            fine = part.solid or part.label in (Label.GROUND, Label.TRAIL)
-            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, FINE if fine else COARSE)
+            ground = part.label in (Label.GROUND, Label.TRAIL)
+            decimals = FINE if ground else SOLID if part.solid and part.model not in swarms else COARSE
+            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, decimals)
 
+    swarms = {swarm.name for swarm in world.swarms}
     bodies = list(world_bodies(world, add, beyond=beyond))
     textures = {name: texture_file(world, name) for name in sorted({p.material for b in bodies for p in b.parts})}
     write_textures(models / materials / "materials" / "textures", world, textures.keys())
@@ -80,7 +82,7 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
 
 def _needed_memory(world: World) -> int:
     """Memory [byte] for the text of the largest mesh file, and for a world file with a part per member of a swarm."""
-    tiles = (tile.face_count(world) for tile in tiles_of_swarms(world, beyond=True))
+    tiles = (tile.face_count(world) for tile in tiles_of_swarms(world, TILE, beyond=True))
     largest = max((*tiles, *(len(mesh.faces) for mesh in world.meshes.values())), default=0)
     return largest * _FACE_BYTES + sum(len(swarm.mesh) for swarm in world.swarms) * _MEMBER_BYTES
 
@@ -91,7 +93,8 @@ def _shared(bodies: Iterable[Body]) -> list[Body]:
     for body in bodies:
         for part in body.parts:
             parts, _ = found.setdefault(part.model, ({}, body))
-            parts.setdefault(part.mesh, replace(part, name=part.mesh, pose=Part.pose, scale=1.0))
+            pose = part.pose if part.name == part.mesh else Part.pose  # that of a tile, not of a member
+            parts.setdefault(part.mesh, replace(part, name=part.mesh, pose=pose, scale=1.0))
     return [
         Body(name=model, parts=tuple(parts.values()), colliders=first.colliders)
         for model, (parts, first) in found.items()

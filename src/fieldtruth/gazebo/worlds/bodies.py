@@ -21,9 +21,9 @@ SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABL
 point as none, because Gazebo knows no surface that swallows a ray.
 """
 UP: Final = np.array([0, 0, 1], np.float32)
-LIDAR_RANGE: Final = 120.0
+RAY_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
-SMALL: Final = {"inside": 1000, "beyond": 500}
+SMALL: Final = 500
 """Triangles of a member, on average, below which members of a swarm are merged: thousands of small meshes take Gazebo
 minutes to load, and sharing their files saves little."""
 
@@ -50,6 +50,8 @@ class Part:
     """Whether cameras see it."""
 
 
+TILE: Final = 12.5
+"""Side [m] of a tile of merged members, as small as keeps the numbers in its file short."""
 AddMesh = Callable[[Part, Surface], None]
 """Stores the mesh file of a part, which is at the origin of its model."""
 
@@ -85,13 +87,13 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
         yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
     if beyond and world.backdrop is not None:
         yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
+    small = {swarm.name for swarm in world.swarms if _mean_faces(world, swarm) < SMALL}
+    merged = replace(world, swarms=tuple(swarm for swarm in world.swarms if swarm.name in small))
     for outside in (False, True) if beyond else (False,):
-        least = SMALL["beyond" if outside else "inside"]
-        small = tuple(swarm for swarm in world.swarms if _mean_faces(world, swarm) < least)
-        yield from _merged(replace(world, swarms=small), add, beyond=outside)
+        yield from _merged(merged, add, beyond=outside)
         for swarm in world.swarms:
             members = np.flatnonzero(beyond_edge(world, swarm) == outside)
-            if _mean_faces(world, swarm) >= least and len(members):
+            if swarm.name not in small and len(members):
                 meshes = {row: parts_of(world.meshes[swarm.meshes[row]]) for row in set(swarm.mesh[members].tolist())}
                 yield _members(world, swarm, members.tolist(), meshes, beyond=outside)
 
@@ -104,16 +106,31 @@ def pose_and_scale(matrix: Array) -> tuple[tuple[float, ...], float]:
 
 
 def _part(
-    add: AddMesh, model: str, surface: Surface, *, mesh: str = "", material: str = "", solid: bool = True
+    add: AddMesh,
+    model: str,
+    surface: Surface,
+    *,
+    mesh: str = "",
+    material: str = "",
+    solid: bool = True,
+    placed: bool = False,
 ) -> Part:
-    """Store a surface; ``mesh`` and ``material`` are by default the name of the surface's material."""
+    """Store a surface; ``mesh`` and ``material`` are by default the name of the surface's material.
+
+    One that is ``placed`` in the world is stored around its middle, because shorter numbers make smaller files.
+    """
     name = mesh or surface.material
+    middle = np.zeros(3, np.float32)
+    if placed:
+        middle = np.rint(surface.vertices.mean(axis=0))
+        surface = replace(surface, vertices=surface.vertices - middle)
     part = Part(
         name=name,
         model=model,
         mesh=name,
         material=material or surface.material,
         label=surface.label,
+        pose=(*middle.tolist(), 0.0, 0.0, 0.0),
         solid=solid and surface.label not in SOFT,
     )
     add(part, surface)
@@ -129,14 +146,14 @@ def _ground(world: World, add: AddMesh) -> Body:
     parts = []
     for tile in ground_tiles(world):
         for surface in tile.surfaces:
-            part = _part(add, name, surface, mesh=surface.material, material=tile.name, solid=layer is None)
+            part = _part(add, name, surface, material=tile.name, solid=layer is None, placed=True)
             parts.append(part)
     if layer is not None:
         soil = replace(world, terrain=replace(world.terrain, layer=None))
         for tile in ground_tiles(soil):
             for surface in tile.surfaces:
                 bare = replace(surface, uv=np.zeros_like(surface.uv), normals=surface.normals * 0 + UP)
-                part = _part(add, name, bare, mesh=f"{surface.material}_soil", material=tile.name)
+                part = _part(add, name, bare, mesh=f"{surface.material}_soil", material=tile.name, placed=True)
                 parts.append(replace(part, visible=False))
     return Body(name=name, parts=tuple(parts))
 
@@ -144,11 +161,12 @@ def _ground(world: World, add: AddMesh) -> Body:
 def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     """One body for the members of each swarm inside the world or beyond its edge, with a part per tile and material."""
     parts: dict[str, list[Part]] = {}
-    for tile in tiles_of_swarms(world, beyond=beyond):
+    for tile in tiles_of_swarms(world, TILE, beyond=beyond):
         if tile.beyond == beyond:
             for surface in tile.surfaces(world):
                 solid = surface.label in HARD and not beyond and tile.swarm.kind != LITTER
-                part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=solid)
+                mesh = f"{tile.name}_{surface.material}"
+                part = _part(add, tile.swarm.name, surface, mesh=mesh, solid=solid, placed=True)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
     for name, found in parts.items():
         yield Body(name=name, parts=tuple(found))
@@ -172,7 +190,7 @@ def _members(
     for member in members:
         pose, scale = pose_and_scale(swarm.world_from_object[member])
         outside = np.maximum(np.abs(pose[:2]) - np.array(world.size) / 2, 0.0)
-        near = bool(np.hypot(*outside) < LIDAR_RANGE)
+        near = bool(np.hypot(*outside) < RAY_RANGE)
         for part in meshes[int(swarm.mesh[member])]:
             returns = part.returns and near
             name = f"{part.name}_{member}"

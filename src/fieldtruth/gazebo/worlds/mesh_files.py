@@ -7,6 +7,7 @@ has one, which also shows the texture in other tools.
 """
 
 from collections.abc import Set
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,8 @@ FINE: Final = (5, 3, 2)
 """Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence.
 
 A ray that meets the ground at 0.24 deg is 240 times as far off as the ground is high: 23 um make 5.5 mm."""
+SOLID: Final = (4, 3, 2)
+"""For what else wheels touch, such as trunks and rocks."""
 COARSE: Final = (4, 3, 1)
 """For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
 Decimals = tuple[int, int, int]
@@ -30,18 +33,42 @@ Decimals = tuple[int, int, int]
 def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
     """Text of an OBJ file of a surface, whose material is in the file ``library`` beside it."""
     lines = [f"mtllib {library}\n"]
-    rows = []
+    rows, points = [], np.empty(0)
     for key, values, digits in zip(
         ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), decimals, strict=True
     ):
-        distinct, row = _distinct(values, digits)
-        line = f"{key}{f' %.{digits}f' * values.shape[1]}\n"
+        distinct, row = _distinct(values, digits, often_first=key != "v")
+        line = f"{key}{' %.9g' * values.shape[1]}\n"
         lines.append(line * len(distinct) % tuple(distinct.ravel().tolist()))
-        rows.append(row + 1)
+        rows.append(row)
+        points = distinct if key == "v" else points
     lines.append(f"usemtl {surface.material}\n")
-    corners = np.stack([row[surface.faces] for row in rows], axis=-1)
-    lines.append("f %d/%d/%d %d/%d/%d %d/%d/%d\n" * len(corners) % tuple(corners.ravel().tolist()))
+    faces = surface.faces[np.argsort(surface.faces.min(axis=1), kind="stable")]  # neighbours follow one another
+    corners = np.stack([row[faces] for row in rows], axis=-1)
+    for polygons in _quads(corners, points):
+        line = f"f{' %d/%d/%d' * polygons.shape[1]}\n"
+        lines.append(line * len(polygons) % tuple((polygons + 1).ravel().tolist()))
     return "".join(lines)
+
+
+def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Quads (q, 4, 3) of faces (n, 3, 3) that follow one another and share an edge, and the faces that are left.
+
+    The edge from the first corner to the third is the shorter diagonal, so that every tool divides a quad there again.
+    """
+    pairs = np.zeros((max(len(corners) - 1, 0), 4, corners.shape[2]), np.intp)
+    fits = np.zeros(len(pairs), np.bool_)
+    for i, j in product(range(3), range(3)):
+        one, other = np.roll(corners[:-1], i, axis=1), np.roll(corners[1:], j, axis=1)
+        same = (one[:, [0, 2]] == other[:, :2]).all(axis=(1, 2))
+        pairs[same] = np.concatenate([one[same], other[same, 2:]], axis=1)
+        fits |= same
+    a, b, c, d = np.moveaxis(points[pairs[..., 0]], 1, 0)
+    fits &= np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
+    at = np.arange(len(pairs))
+    start = np.maximum.accumulate(np.where(fits, 0, at + 1))  # of the row of pairs that fit
+    chosen = np.flatnonzero(fits & ((at - start) % 2 == 0))
+    return pairs[chosen], np.delete(corners, [chosen, chosen + 1], axis=0)
 
 
 def mtl_text(material: str, texture: str) -> str:
@@ -57,16 +84,22 @@ def write_obj(path: Path, surface: Surface, texture: str, decimals: Decimals) ->
     library.write_text(mtl_text(surface.material, texture))
 
 
-def _distinct(values: NDArray[np.float32], decimals: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distinct rows of ``values`` (n, k) rounded to decimals, and the row (n,) of each."""
+def _distinct(
+    values: NDArray[np.float32], decimals: int, *, often_first: bool
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distinct rows of ``values`` (n, k) rounded to decimals, and the row (n,) of each.
+
+    With ``often_first`` those that are used most come first, so that faces refer to them by short numbers.
+    """
     scaled = np.rint(values.astype(np.float64) * 10**decimals).astype(np.int64)
     low = scaled.min(axis=0)
     spans = (scaled - low).max(axis=0) + 1
     key = np.zeros(len(values), np.int64)
     for column, span in zip((scaled - low).T, spans.tolist(), strict=True):
         key = key * span + column
-    _, first, row = np.unique(key, return_index=True, return_inverse=True)
-    return scaled[first] / 10**decimals + 0.0, row
+    _, first, row, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
+    order = np.argsort(-count * often_first, kind="stable")
+    return scaled[first[order]] / 10**decimals + 0.0, np.argsort(order)[row]
 
 
 def write_glb(path: Path, surface: Surface) -> None:

@@ -77,7 +77,6 @@ class IdealCamera(LabelCamera):
             self._shading = self._shading._replace(exposure=np.float32(exposure))
         buffers = new_framebuffer(config.height, config.width)
         self._framebuffer = buffers._replace(shading=buffers.shading._replace(batch=self._batch))
-        self._images: CameraImages | None = None
 
     def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
@@ -97,20 +96,13 @@ class IdealCamera(LabelCamera):
         hide_world(robot, labels)
 
     def _own_images(self) -> CameraImages:
-        """Arrays of images, new ones unless they are reused."""
-        if self._images is not None:
-            return self._images
-        h, w = self.config.height, self.config.width
-        images = CameraImages(
-            label=np.empty((h, w), np.uint8),
-            instance=np.empty((h, w), np.uint32),
-            depth=np.empty((h, w), np.float32),
-            normal=self._own_normals(),
-            photo=np.empty((h, w, 3), np.uint8),
-        )
-        if self._reuse:
-            self._images = images
+        images = super()._own_images()
+        assert isinstance(images, CameraImages)
         return images
+
+    def _new_images(self) -> CameraImages:
+        photo = np.empty((self.config.height, self.config.width, 3), np.uint8)
+        return CameraImages(**vars(super()._new_images()), photo=photo)
 
 
 METERINGS: Final = 4
@@ -124,7 +116,7 @@ _RGB_FROM_XYZ: Final = np.array(
 
 
 class Exposure(NamedTuple):
-    """How a photograph was exposed."""
+    """Exposure of a photograph."""
 
     total: float
     """Light and gain together, relative to the ideal exposure of an open meadow."""

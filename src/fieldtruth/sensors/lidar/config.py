@@ -55,7 +55,7 @@ class LidarSignal(SignalConfig):
     sub_rays: SubRays = 1
     """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
     returns: Returns = "strongest"
-    """Which echoes of a pulse are points: the strongest, the last, or two: the strongest and the last of the others."""
+    """Echoes that become points: the strongest, the last, or two: the strongest and the last of the others."""
     pulse_length: Annotated[Number, Field(ge=0, le=100)] = 0.0
     """Distance [m] within which echoes of a pulse merge into one."""
 
@@ -83,6 +83,7 @@ Pattern = Literal["avia", "mid_360"]
 class LidarConfig(ScanningConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
+    topic_of_name: ClassVar[str] = "/{}/points"
     noun: ClassVar[str] = "LiDAR"
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
@@ -110,18 +111,13 @@ class LidarConfig(ScanningConfig):
     """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
     signal: LidarSignal | None = None
 
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that a LiDAR has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/points"}
-
     def outputs(self) -> tuple[Output, ...]:
         """Its point clouds."""
         return (self.output(self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"), reading=Cloud),)
 
     @property
     def needs_signal_for_weather(self) -> bool:
-        """Whether it is ideal."""
+        """Return whether it is ideal."""
         return self.signal is None
 
     def summary(self) -> str:
