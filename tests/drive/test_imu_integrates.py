@@ -8,18 +8,11 @@ from imu_integration import errors
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.transforms import wxyz_from_xyzw
-from fieldtruth.drive.given_motion import motion_along
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
-from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import read_imu
-from fieldtruth.sensors.imu.sensing import ImuReadings, point_velocity, read_imu
 from fieldtruth.simulation.motion import motion_along
-from fieldtruth.world.build import world_of
 
 UPRIGHT = Mount(xyz=(0.0, 0.0, 0.0))
 
