@@ -160,7 +160,8 @@ def test_wrong_readings_of_another_processor_fail(
 # Two processes: bags that either makes are validated by the other
 
 
-SMALL_WORLD = {"size": (40.0, 30.0), "individuals": 1, "beyond": False}
+SMALL_WORLD = {"size": [40.0, 30.0], "individuals": 1, "beyond": False}
+LAYOUTS = {"lake_1": SMALL_WORLD | {"size": [60.0, 50.0]}}  # poles of its line are 46 m apart
 
 
 def short(name: str) -> Experiment:
@@ -168,7 +169,12 @@ def short(name: str) -> Experiment:
     experiment = load_experiment(name)
     size = {} if name in ("park_1", "lake_1") else {"width": SMALL[1], "height": SMALL[0]}
     rig = experiment.rig.with_sensors(StereoConfig, rate_hz=5.0, instances=True, **size)
-    values = {"seconds": 1.0 if not size else 0.4, "layout": SMALL_WORLD, "route": random_route(20.0, 1), "rig": rig}
+    values = {
+        "seconds": 1.0 if not size else 0.4,
+        "layout": LAYOUTS.get(name, SMALL_WORLD),
+        "route": random_route(20.0, 1),
+        "rig": rig,
+    }
     return experiment.model_copy(update=values)
 
 
