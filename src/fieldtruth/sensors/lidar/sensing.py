@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The LiDAR: rays, what they meet, and what an ideal or a real receiver makes of it.
+"""The LiDAR: its rays, their echoes, and the readings of an ideal and of a real receiver.
 
 Every return has class and instance id. Patterns, timing and figures need no ray tracer.
 
@@ -80,6 +80,12 @@ def ray_times_ns(config: LidarConfig) -> NDArray[np.int64]:
     """Times (columns, rings) [ns] after the stamp at which the rays of a spinning LiDAR leave."""
     offsets = np.array(config.firing_offsets_ns or (0,) * config.rings, np.int64)
     return np.asarray(column_times_ns(config)[:, None] + offsets, np.int64)
+
+
+def ring_lag(config: LidarConfig) -> Array:
+    """Share (rings,) of a column's time after which each ring fires."""
+    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
+    return offsets * (1e-9 * config.rate_hz * config.columns)
 
 
 AVIA_FOV_DEG: Final = (70.4, 77.2)
@@ -376,11 +382,11 @@ class IdealLidar:
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
-        self._beams = Beams(ray_directions(config), lag, config.min_range, config.max_range, returns)
+        self._beams = Beams(ray_directions(config), ring_lag(config), config.min_range, config.max_range, returns)
         # Incoherent: 12 % faster in the park, as fast in the forest. Other rays of one beam are coherent.
         self._packets = new_packet(coherent=False), new_packet(coherent=True)
-        self._receiver, self._rays = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
+        self._receiver, self._middle = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
+        self._rays = self._middle
         self._surfaces: SurfaceTable | None = None
         self._echoes = echo_buffers(1, config.columns, config.rings)
         self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
@@ -449,7 +455,7 @@ class IdealLidar:
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
         before = echo_buffers(1, len(column), 1)
-        self._trace(None, own, beams, sub_rays_of(LidarSignal()), before)
+        self._trace(None, own, beams, self._middle, before)
         world_m = before.depth[0, :, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 
