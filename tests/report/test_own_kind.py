@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Class shares, sheet, data card, rig's picture and benchmark of a kind that is none of the package's: a radar."""
+"""Class shares, data card and benchmark of a kind of sensor that another package adds: a radar that gives clouds."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar, Literal
@@ -80,7 +80,8 @@ def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]
     assert shares.points.sum() == 16
     assert not shares.pixels.any()
     assert sensor_lines(rig) == ["- Radar: 8 beams"]
-    assert sensor_nouns([radar(), radar(), *RIG.in_order()][:3])[0] == "2 radars"
+    nouns = ["1 IMU", "1 GNSS receiver", "wheel encoders", "1 LiDAR", "1 stereo camera", "2 radars"]
+    assert sensor_nouns([*RIG.in_order(), radar(), radar()]) == nouns
 
 
 def test_rays_of_another_kind_are_measured(radar: type[MountedConfig]) -> None:

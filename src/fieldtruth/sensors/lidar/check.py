@@ -35,7 +35,6 @@ from fieldtruth.sensors.lidar.sensing import (
     ring_lag,
     sweep_times_ns,
 )
-from fieldtruth.sensors.lidar.sensor import point_type
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
@@ -244,7 +243,7 @@ def _check_cloud(
     raw: RawMessage, message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison
 ) -> None:
     cloud, where = read.points(message), at(raw)
-    found, due = _fields(cloud.dtype), _fields(point_type(config, wide_ids=classes.has_wide_ids))
+    found, due = _fields(cloud.dtype), _fields(config.point_type(wide_ids=classes.has_wide_ids))
     untimed = {"t": "<u4"} if "t" in found and not config.spinning else {}  # all rays leave at once
     whole = found == due | untimed and message.is_dense != config.organised and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(found)}")
