@@ -32,7 +32,7 @@ Anchor = Literal["camera", "lidar"]
 
 
 class Role(NamedTuple):
-    """What arguments, samples and messages call the sensors whose readings have one type, whatever their kind."""
+    """Names of the sensors whose readings have one type, whatever their kind, in arguments, samples and messages."""
 
     key: Anchor
     """Argument of ``RunDataset``, and word in keys of samples."""

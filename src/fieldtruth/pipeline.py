@@ -70,7 +70,7 @@ class PreparedHere(Driven):
 
     @property
     def latched(self) -> bool:
-        """Whether static objects are published once."""
+        """Return whether static objects are published once."""
         return latches_objects(self.experiment, len(self.world.instances))
 
     def slices(self, folder: Path) -> Slices:

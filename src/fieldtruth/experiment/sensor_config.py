@@ -224,6 +224,8 @@ class SensorConfig(Frozen):
     """Word with which all sensors of the kind are turned on and off, as ``cameras`` of ``--no-cameras``."""
     extras: ClassVar[tuple[str, ...]] = ()
     """Keys of what it publishes only if they are true."""
+    topic_of_name: ClassVar[str] = "/{}"
+    """Topic of a sensor by its name, if it is not that of the class."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
@@ -271,7 +273,7 @@ class SensorConfig(Frozen):
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Values that a sensor has by its name, if it is not that of the class."""
-        return {"topic": f"/{name}"}
+        return {"topic": cls.topic_of_name.format(name)}
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -398,6 +400,10 @@ class SensorConfig(Frozen):
         """
         return {}
 
+    def cloud_fields(self) -> dict[str, str]:
+        """Return NumPy's type of each field of its clouds; empty if it has none, or any."""
+        return {}
+
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
         """Return a topic of the sensor, by default at its rate."""
         return Topic(name, msgtype, self.rate_hz if rate_hz is None else rate_hz, self.kind, self.name)
@@ -412,7 +418,7 @@ class MountedConfig(SensorConfig):
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
-        return {"topic": f"/{name}", "frame": f"{name}_link"}
+        return {**super().of_name(name), "frame": f"{name}_link"}
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""

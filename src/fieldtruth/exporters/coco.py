@@ -13,10 +13,11 @@ import json
 import re
 import shutil
 import threading
-from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TextIO
 
@@ -95,9 +96,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     jobs = sorted(
         (stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()
     )
-    with coco_files(run, target, options.labels, categories, names, about) as files:
+    with CocoFiles(run, target, options.labels, categories, names, about) as files:
         for picture in options.each("images", run, jobs, partial(_write_frame, target, frames)):
             files.add(picture)
+        files.finish()
     if not jobs:
         raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 
@@ -337,34 +339,47 @@ class Picture(NamedTuple):
     """Further keys of the annotations, by id of the segment."""
 
 
-class _Rows:
-    """A JSON array that grows in a text file."""
+class CocoFiles(ExitStack):
+    """``panoptic.json`` and ``instances.json`` as a context, written image by image; ``finish`` ends them.
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._separator = "\n"
-
-    def add(self, row: Mapping[str, Any]) -> None:
-        """Add an object."""
-        self._stream.write(self._separator + json.dumps(row, separators=(",", ":")))
-        self._separator = ",\n"
-
-
-class CocoFiles:
-    """The rows of ``panoptic.json`` and ``instances.json``, by image; a segment id has ``bits`` for the object."""
+    Args:
+        run: the run.
+        folder: of the files.
+        labels: ontology of the categories.
+        categories: of the pixels; those of countable objects are in instances.json, too.
+        names: of the objects, by instance id.
+        about: further keys of objects, by instance id.
+    """
 
     def __init__(
-        self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], bits: int, *, own: bool
+        self,
+        run: Run,
+        folder: Path,
+        labels: LabelMap,
+        categories: Sequence[Category],
+        names: Sequence[str],
+        about: Mapping[int, Mapping[str, Any]],
     ) -> None:
-        self._images, self._panoptic, self._instances = images, panoptic, instances
-        self._countable, self._bits = countable, bits
-        self._licence = {"license": _LICENCE["id"]} if own else {}
-        self.image_count = self._annotation_count = 0
+        super().__init__()
+        countable = [category for category in categories if category.isthing]
+        self._countable, self._bits = {category.id for category in countable}, object_bits(names)
+        self._licence = {} if run.experiment is None else {"license": _LICENCE["id"]}
+        objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
+        self._streams: dict[str, TextIO] = {}
+        self._counts = {"images": 0, "panoptic": 0, "instances": 0}
+        for name, chosen in (("panoptic", categories), ("instances", countable)):
+            stream = self.enter_context((folder / f"{name}.json").open("w", encoding="utf-8"))
+            head = _head(run, labels) | {"categories": [c.row() for c in chosen], "objects": objects}
+            lines = (f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n" for key, value in head.items())
+            stream.write("{" + "".join(lines) + '"annotations":[')
+            self._streams[name] = stream
+        images = TemporaryFile("w+", encoding="utf-8", dir=folder)  # noqa: SIM115
+        self._streams["images"] = self.enter_context(images)
 
     def add(self, picture: Picture) -> None:
         """Add an image and its segments; segments of countable classes become annotations, too."""
-        self.image_count += 1
-        self._images.add({"id": self.image_count} | picture.row | self._licence)
+        image_id = self._counts["images"] + 1
+        self._write("images", {"id": image_id} | picture.row | self._licence)
         segments = []
         size = [picture.row["height"], picture.row["width"]]
         for segment in picture.segments:
@@ -379,56 +394,24 @@ class CocoFiles:
             } | picture.boxes.get(segment.id, {})
             segments.append({"id": segment.id} | known)
             if countable:
-                self._annotation_count += 1
-                row = {"id": self._annotation_count, "image_id": self.image_count} | known
-                self._instances.add(row | {"segmentation": {"size": size, "counts": segment.counts}})
-        self._panoptic.add({"image_id": self.image_count, "file_name": picture.panoptic, "segments_info": segments})
+                row = {"id": self._counts["instances"] + 1, "image_id": image_id} | known
+                self._write("instances", row | {"segmentation": {"size": size, "counts": segment.counts}})
+        self._write("panoptic", {"image_id": image_id, "file_name": picture.panoptic, "segments_info": segments})
 
+    def finish(self) -> None:
+        """Write the images behind the annotations."""
+        images = self._streams.pop("images")
+        for stream in self._streams.values():
+            stream.write('\n],\n"images":[')
+            images.seek(0)
+            shutil.copyfileobj(images, stream)
+            stream.write("\n]}\n")
 
-@contextmanager
-def coco_files(
-    run: Run,
-    folder: Path,
-    labels: LabelMap,
-    categories: Sequence[Category],
-    names: Sequence[str],
-    about: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
-) -> Iterator[CocoFiles]:
-    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id.
-
-    ``about`` has further keys of objects by instance id.
-    """
-    rows = folder / "images.part"
-    head = _head(run, labels)
-    objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
-    countable = [category for category in categories if category.isthing]
-    with ExitStack() as stack:
-        stack.callback(rows.unlink, missing_ok=True)
-        panoptic, instances = (
-            stack.enter_context(
-                _document(folder / name, head | {"categories": [c.row() for c in chosen], "objects": objects}, rows)
-            )
-            for name, chosen in (("panoptic.json", categories), ("instances.json", countable))
-        )
-        images = _Rows(stack.enter_context(rows.open("w", encoding="utf-8")))
-        yield CocoFiles(
-            images, panoptic, instances, {c.id for c in countable}, object_bits(names), own=run.experiment is not None
-        )
-
-
-@contextmanager
-def _document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[_Rows]:
-    """Write the keys of ``head``, the annotations that are added, and the images, whose rows are in a file."""
-    with path.open("w", encoding="utf-8") as stream:
-        stream.write("{")
-        for key, value in head.items():
-            stream.write(f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n")
-        stream.write('"annotations":[')
-        yield _Rows(stream)
-        stream.write('\n],\n"images":[')
-        with images.open(encoding="utf-8") as rows:
-            shutil.copyfileobj(rows, stream)
-        stream.write("\n]}\n")
+    def _write(self, name: str, row: Mapping[str, Any]) -> None:
+        """Add an object to a list."""
+        separator = ",\n" if self._counts[name] else "\n"
+        self._streams[name].write(separator + json.dumps(row, separators=(",", ":")))
+        self._counts[name] += 1
 
 
 def _head(run: Run, labels: LabelMap) -> dict[str, Any]:

@@ -14,7 +14,6 @@ in one line.
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -28,7 +27,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.lenses import COEFFICIENTS, Lens
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import package_data, write_mapping
+from fieldtruth.core.yaml_io import filled, package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.exporters import Options
@@ -61,8 +60,8 @@ class InertialNoise(NamedTuple):
 
 
 ASSUMED_NOISE: Final = InertialNoise(1.6968e-4, 2.0e-3, 1.9393e-5, 3.0e-3)
-"""Of an IMU without noise, because filters divide by it: an ADIS16448 as in sensor.yaml of the EuRoC data set (Burri et
-al., 2016, doi 10.1177/0278364915620033)."""
+"""Noise of an IMU that reads exactly, because filters divide by it: an ADIS16448 as in sensor.yaml of EuRoC's data set
+(Burri et al., 2016, doi 10.1177/0278364915620033)."""
 
 
 class CloudFacts(NamedTuple):
@@ -109,7 +108,7 @@ class ViewFacts(NamedTuple):
 
     name: str
     topic: str
-    """Of the raw image after ``image_transport republish``: that of the photograph without /compressed."""
+    """Topic of the raw image after ``image_transport republish``: that of the photograph without /compressed."""
     base_from_optical: Array
     lens: Lens
     width: int
@@ -171,6 +170,7 @@ def noise_of(config: Any) -> InertialNoise | None:
 
 def _view(run: Run, view: Source) -> ViewFacts:
     lens, model = run.calibration.lens(view.name), "pinhole"
+    fx, fy, cx, cy = (float(lens.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     coefficients: tuple[float, ...] = ()
     if not lens.is_pinhole:  # some drivers leave out the last coefficients
         model, names = lens.model, COEFFICIENTS.get(lens.model, "").split()
@@ -179,7 +179,7 @@ def _view(run: Run, view: Source) -> ViewFacts:
         name=view.label,
         topic=view.topic.removesuffix("/compressed"),
         base_from_optical=run.calibration.base_from(view.name),
-        lens=Lens(model, *(float(lens.K[row]) for row in ((0, 0), (1, 1), (0, 2), (1, 2))), coefficients),
+        lens=Lens(model, fx, fy, cx, cy, coefficients),
         width=lens.width,
         height=lens.height,
         rate_hz=view.config.rate_hz,
@@ -278,18 +278,10 @@ def fast_lio2(facts: Facts) -> Files | str:
 
 
 def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
-    """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
-
-    def fill(node: Any) -> Any:
-        if isinstance(node, dict):
-            return {key: fill(each) for key, each in node.items()}
-        if not (isinstance(node, str) and node.startswith("$")):
-            return node
-        found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
-        return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
-
-    filled: dict[str, Any] = fill(package_data("fieldtruth.exporters", f"slam/{template}.yaml"))
-    return filled
+    """Return the values of a template, whose ``$names`` stand for ``values``, or attributes of facts."""
+    text = package_data("fieldtruth.exporters", f"slam/{template}.yaml")
+    found: dict[str, Any] = filled(text, facts._asdict() | values)
+    return found
 
 
 def _numbers(values: Any) -> list[float]:
@@ -362,15 +354,8 @@ def orb_slam3(facts: Facts) -> Files | str:
         left_from_right = transforms.inverse(left.base_from_optical) @ right.base_from_optical
         values |= {"Stereo.ThDepth": 60.0, "Stereo.T_c1_c2": _opencv_matrix(left_from_right)}
     if facts.inertial is not None:
-        noise = facts.inertial.noise
-        values |= {
-            "IMU.T_b_c1": _opencv_matrix(_inertial_from_view(facts.inertial, left)),
-            "IMU.NoiseGyro": noise.gyroscope,
-            "IMU.NoiseAcc": noise.accelerometer,
-            "IMU.GyroWalk": noise.gyroscope_walk,
-            "IMU.AccWalk": noise.accelerometer_walk,
-            "IMU.Frequency": float(facts.inertial.rate_hz),
-        }
+        pose, rate = _opencv_matrix(_inertial_from_view(facts.inertial, left)), float(facts.inertial.rate_hz)
+        values |= _filled("orb_slam3_inertial", facts, pose=pose, rate=rate)
     lines = "".join(f"{key}: {value}\n" for key, value in (values | _filled("orb_slam3", facts)).items())
     kind = _TEXTS["orb_kinds"][len(facts.views) - 1] + "-Inertial" * (facts.inertial is not None)
     return {"orb_slam3.yaml": f"{_YAML}# ORB-SLAM3, {kind}: it uses its names for topics, see README.txt\n{lines}"}

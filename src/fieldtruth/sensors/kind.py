@@ -84,7 +84,7 @@ class SensorWorld(_Shared):
 
     @property
     def wide_ids(self) -> bool:
-        """Whether instance ids need more than 16 bits."""
+        """Return whether instance ids need more than 16 bits."""
         return self.world.has_wide_ids
 
     @property
@@ -124,7 +124,7 @@ class Movement(_Shared):
 
     @property
     def stands(self) -> bool:
-        """Whether each pose is one by itself, at which the robot stands."""
+        """Return whether each pose is one by itself, at which the robot stands."""
         return self._track is not None and self._track.is_frames
 
 
@@ -145,7 +145,7 @@ def standing(world_from_base: Array) -> Movement:
 
 
 class At(NamedTuple):
-    """When a reading is taken, and where."""
+    """Stamps of a reading, and the motion around it."""
 
     number: Any
     """Of the reading, from 0: int, or (n,) of a series, as its stamps."""

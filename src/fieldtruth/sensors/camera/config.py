@@ -36,7 +36,7 @@ _IN_ELECTRONS: Final = ("photon_noise", "read_noise_e", "dsnu_e")
 
 
 class CameraSignal(SignalConfig):
-    """What a real camera adds to the ideal photograph, in the order in which light passes it.
+    """Effects of a real camera on the ideal photograph, in the order in which light passes it.
 
     Labels, instances and depth remain those of the pose at the stamp. Values without a unit are shares.
     """
@@ -152,7 +152,7 @@ class CameraSignal(SignalConfig):
 
     @property
     def is_ideal(self) -> bool:
-        """Whether photographs are those of an ideal camera."""
+        """Return whether photographs are those of an ideal camera."""
         return self == CameraSignal()
 
     @property
