@@ -400,6 +400,10 @@ class SensorConfig(Frozen):
         """
         return {}
 
+    def cloud_fields(self) -> dict[str, str]:
+        """Return NumPy's type of each field of its clouds; empty if it has none, or any."""
+        return {}
+
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
         """Return a topic of the sensor, by default at its rate."""
         return Topic(name, msgtype, self.rate_hz if rate_hz is None else rate_hz, self.kind, self.name)
