@@ -33,7 +33,7 @@ from fieldtruth.experiment.sensor_config import (
     sensor_of,
     without_models,
 )
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
+from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig, SensorView
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.sensors.configs import CONFIGS, FirstOfKinds
@@ -348,6 +348,12 @@ def paper_rig(**sensors: SensorConfig | None) -> Rig:
     if given:
         raise UnknownNameError("sensor of the paper", next(iter(given)), by_kind.values())
     return Rig(sensors=tuple(changed))
+
+
+def sensor_views(rig: Rig) -> tuple[SensorView, ...]:
+    """Return the sensors of a rig that scan, and its views, that are enabled."""
+    scan = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.enabled(ScanningConfig))
+    return (*scan, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
 
 
 class Box(NamedTuple):
