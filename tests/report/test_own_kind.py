@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Class shares, data card and benchmark of a kind of sensor that another package adds: a radar that gives clouds."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -29,7 +29,7 @@ FAN = np.array([[np.cos(a), np.sin(a), -0.1] for a in np.linspace(-0.5, 0.5, 8)]
 
 
 @pytest.fixture
-def radar() -> Iterator[type[MountedConfig]]:
+def radar() -> Iterator[Callable[[], MountedConfig]]:
     """Configuration of a kind that is known during the test."""
 
     class RadarConfig(MountedConfig):
@@ -72,7 +72,7 @@ def radar() -> Iterator[type[MountedConfig]]:
     del KINDS["radar"], SENSORS[RadarConfig]
 
 
-def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]) -> None:
+def test_points_of_another_kind_are_counted_and_named(radar: Callable[[], MountedConfig]) -> None:
     rig, world = Rig(sensors=(radar(),)), plain()
     poses = [pose_on_ground(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0)]
     shares = count_classes(Scene(world), rig, poses)
@@ -84,7 +84,7 @@ def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]
     assert sensor_nouns([*RIG.in_order(), radar(), radar()]) == nouns
 
 
-def test_rays_of_another_kind_are_measured(radar: type[MountedConfig]) -> None:
+def test_rays_of_another_kind_are_measured(radar: Callable[[], MountedConfig]) -> None:
     rig, world = Rig(sensors=(radar(),)), plain()
     route = route_from_metres((0.0, 0.0), [(8.0, 0.0)])
     experiment = Experiment(name="radar", environment="park", rig=rig, route=route)

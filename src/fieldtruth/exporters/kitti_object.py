@@ -6,7 +6,6 @@ Frames and sensors are those of the format ``kitti``. The world is built again f
 exact: those of the meshes' vertices (Geiger et al., "Are we ready for Autonomous Driving?", 2012, and its devkit).
 """
 
-import threading
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -56,7 +55,7 @@ class KittiBox(NamedTuple):
 
 
 class _Source(NamedTuple):
-    """All that is needed to write a frame; ``own`` holds the whole objects of each thread."""
+    """All that is needed to write a frame."""
 
     clouds: Readings
     images: Readings
@@ -64,7 +63,7 @@ class _Source(NamedTuple):
     view: Source
     geometry: Geometry
     trajectory: Trajectory
-    own: threading.local
+    whole: WholeObjects
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -82,7 +81,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         world = world_of_run(run)
     clouds = run.readings(first_of_clouds(run).name, labelled=False)
     images = run.readings(view.name, ["photo", "instance"])
-    source = _Source(clouds, images, world, view, read_geometry(run), run.trajectory, threading.local())
+    whole = WholeObjects(world, view.config)
+    source = _Source(clouds, images, world, view, read_geometry(run), run.trajectory, whole)
     folder = target / "training"
     for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
         (folder / name).mkdir(parents=True)
@@ -118,11 +118,7 @@ def _calib(geometry: Geometry) -> str:
 
 def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, str]:
     """Lines of ``label_2`` and of ``visibility``."""
-    own = source.own
-    if not hasattr(own, "whole"):
-        own.whole = WholeObjects(source.world, source.view.config)
-    whole: WholeObjects = own.whole
-    config, labels, shares = source.view.config, [], []
+    whole, config, labels, shares = source.whole, source.view.config, [], []
     for object_id, pixels in visible_pixels(ids, whole.objects.keys()).items():
         bounds = whole.bounds(object_id, world_from_optical)
         if bounds is None:
