@@ -93,15 +93,6 @@ def latches_objects(experiment: Experiment, objects: int) -> bool:
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
 
 
-PARTS: Final = {
-    "photo": "photograph",
-    "label": "tag",
-    "depth": "depth",
-    "instance": "instances",
-    "normal": "normals",
-    "flow": "flow",
-}
-"""Stream of a camera by the field of an image that it becomes."""
 EXTRAS: Final = ("depth", "instance", "normal", "flow")
 """Fields of an image that are recorded on demand."""
 _TYPES: Final[Mapping[str, type[readings.Reading]]] = {
