@@ -180,7 +180,7 @@ class Run(BagFile):
 
     @property
     def has_poses(self) -> bool:
-        """Whether the bag has true poses."""
+        """True if the bag has true poses."""
         return table.ODOMETRY in self.counts or table.MODEL_STATES in self.counts
 
     @cached_property

@@ -139,7 +139,7 @@ class Source:
         return tuple(part for part, topic in self.topics.items() if topic in present)
 
     def has(self, present: Container[str], *parts: str) -> bool:
-        """Whether a bag has some parts, by default the first."""
+        """Return whether a bag has some parts, by default the first."""
         return all(topic in present for topic in ([self.topics[part] for part in parts] or [self.topic]))
 
 
