@@ -29,7 +29,7 @@ PRESCRIBED: Final = {
         *("world_from_camera", "world_from_lidar", "base_from_camera", "base_from_lidar"),
     },  # arguments, and keys of samples
     "experiment/sensor_families.py": {"camera_info"},  # the topic in which ROS's packages expect a calibration
-    "gazebo/ros/__init__.py": {"camera_info"},
+    "gazebo/ros.py": {"camera_info"},
     "exporters/stereo_depth.py": {"stereo", "StereoSGBM"},  # a folder of the format, and OpenCV's matcher
 }
 """Words by file that a format or a public interface prescribes, whatever the kind of the sensor."""

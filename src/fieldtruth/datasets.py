@@ -203,7 +203,7 @@ class RunDataset:
         self.run = open_run(Path(path))
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
-        chosen = {kind: self._chosen(kind, name) for kind, name in zip(ROLES, (camera, lidar), strict=True)}
+        chosen = {Image: self._chosen(Image, camera), Cloud: self._chosen(Cloud, lidar)}
         used = [kind for kind in ROLES if kind in needed or kind is self._anchor]
         self._readings = {kind: self._open(kind, chosen[kind]) for kind in used}
         self._poses = self.run.poses if "pose" in self.items else None

@@ -22,7 +22,7 @@ from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
-from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.gazebo.robot import Flavour, Shape, body_shapes, robot_words, wheel_shape, write_robot
 from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -160,7 +160,7 @@ def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str
     ],
 )
 def test_words_are_those_of_the_robot(robot: RobotConfig, title: str, name: str, tmp_path: Path) -> None:
-    assert parts.robot_words(robot) == (title, name)
+    assert robot_words(robot) == (title, name)
     write_robot(tmp_path, Rig(robot=robot), "classic")
     for path in ("models/husky/model.config", "models/husky/model.sdf", "urdf/husky.urdf"):
         assert f"{title} with " in (tmp_path / path).read_text().replace("&#39;", "'")
@@ -225,8 +225,8 @@ def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
     lidar = transforms.inverse(rig.lidar.mount.base_from_sensor)
     camera, intrinsics = rig.stereo, intrinsics_of(rig.stereo)
-    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in parts.body_shapes(rig)]
-    drawn += [(parts.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
+    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in body_shapes(rig)]
+    drawn += [(wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
     for shape, xyz in drawn:
         points = _surface(shape) + xyz
         x, y, z = transforms.transform(lidar, points).T
@@ -257,7 +257,7 @@ def test_the_robot_casts_no_shadow(classic: Path) -> None:
     assert drawn == dark
 
 
-def _surface(shape: parts.Shape) -> Array:
+def _surface(shape: Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
     mesh.apply_transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
     points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)

@@ -23,7 +23,7 @@ from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.gazebo import DEFAULT_LAYOUT, worlds, write_gazebo
-from fieldtruth.gazebo.worlds import bodies, write_world
+from fieldtruth.gazebo.worlds import write_world
 from fieldtruth.interchange import ground
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
@@ -114,7 +114,7 @@ def test_rays_at_grazing_incidence_find_the_ground_where_it_is(
 def test_members_of_swarms_that_share_files_are_the_same_triangles(
     world: World, packages: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bodies, "SMALL", 0)
+    monkeypatch.setattr(worlds, "SMALL", 0)
     monkeypatch.setattr(ground, "GROUND_PIXELS", 64)
     write_world(tmp_path, world, "classic", beyond=True)
     assert any(packages["classic"].glob("models/tufts/meshes/*"))

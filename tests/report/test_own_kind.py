@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Class shares, sheet, data card, rig's picture and benchmark of a kind that is none of the package's: a radar."""
+"""Class shares, data card and benchmark of a kind of sensor that another package adds: a radar that gives clouds."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -29,7 +29,7 @@ FAN = np.array([[np.cos(a), np.sin(a), -0.1] for a in np.linspace(-0.5, 0.5, 8)]
 
 
 @pytest.fixture
-def radar() -> Iterator[type[MountedConfig]]:
+def radar() -> Iterator[Callable[[], MountedConfig]]:
     """Configuration of a kind that is known during the test."""
 
     class RadarConfig(MountedConfig):
@@ -72,7 +72,7 @@ def radar() -> Iterator[type[MountedConfig]]:
     del KINDS["radar"], SENSORS[RadarConfig]
 
 
-def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]) -> None:
+def test_points_of_another_kind_are_counted_and_named(radar: Callable[[], MountedConfig]) -> None:
     rig, world = Rig(sensors=(radar(),)), plain()
     poses = [pose_on_ground(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0)]
     shares = count_classes(Scene(world), rig, poses)
@@ -80,10 +80,11 @@ def test_points_of_another_kind_are_counted_and_named(radar: type[MountedConfig]
     assert shares.points.sum() == 16
     assert not shares.pixels.any()
     assert sensor_lines(rig) == ["- Radar: 8 beams"]
-    assert sensor_nouns([radar(), radar(), *RIG.in_order()][:3])[0] == "2 radars"
+    nouns = ["1 IMU", "1 GNSS receiver", "wheel encoders", "1 LiDAR", "1 stereo camera", "2 radars"]
+    assert sensor_nouns([*RIG.in_order(), radar(), radar()]) == nouns
 
 
-def test_rays_of_another_kind_are_measured(radar: type[MountedConfig]) -> None:
+def test_rays_of_another_kind_are_measured(radar: Callable[[], MountedConfig]) -> None:
     rig, world = Rig(sensors=(radar(),)), plain()
     route = route_from_metres((0.0, 0.0), [(8.0, 0.0)])
     experiment = Experiment(name="radar", environment="park", rig=rig, route=route)

@@ -68,7 +68,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
     rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     simulation = Simulation(with_overrides(made, seconds=min(made.seconds or DRIVE_S, DRIVE_S)))
     with progress.stage("build the world"):
-        simulation.scene  # noqa: B018
+        simulation.world  # noqa: B018
     with progress.stage("drive"):
         driven = simulation.drive()
     with progress.stage("bake the light"):
@@ -78,7 +78,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
     for each in dict.fromkeys(map(sensor_class, rig.sensors)):
         alike = tuple(config for config in rig.sensors if sensor_class(config) is each)
         with progress.stage(alike[0].noun), ExitStack() as stack:
-            if alike[0].gives is Image:
+            if issubclass(alike[0].gives, Image):
                 alone = rig.model_copy(update={"sensors": alike})
                 slices = stack.enter_context(recording(baked, track, alone, stretches, workers))
                 peak = peak_memory()  # of what a run needs; what only the comparison needs comes after

@@ -71,7 +71,7 @@ def _gazebo(options: argparse.Namespace) -> None:
 def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
     """Load an experiment in this environment, whose sensors Gazebo has."""
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.gazebo.robot.parts import check_rig
+    from fieldtruth.gazebo.robot import check_rig
     from fieldtruth.world.build import check_layout
 
     like = load_experiment(name_or_path)

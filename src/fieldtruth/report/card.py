@@ -81,7 +81,9 @@ def _list(words: Iterable[str]) -> str:
 
 def sensor_lines(rig: Rig) -> list[str]:
     """Figures of the sensors that see, cameras first, of others where several are alike, and what is not ideal."""
-    seen = sorted((each for each in rig.enabled(SensorConfig) if each.sees), key=lambda each: each.gives is not Image)
+    seen = sorted(
+        (each for each in rig.enabled(SensorConfig) if each.sees), key=lambda each: not issubclass(each.gives, Image)
+    )
     lines = [_figures(each, rig) for each in seen] or ["- No sensor that sees was enabled."]
     lines += [_figures(each, rig) for each in rig.in_order() if not each.sees and len(_alike(each, rig)) > 1]
     return lines + [_real(sensor) for sensor in rig.in_order() if not sensor.is_ideal]

@@ -41,7 +41,7 @@ def shortened(name: str) -> str:
 def sensor_nouns(sensors: Iterable[SensorConfig]) -> list[str]:
     """Count sensors by what they are called: ``2 LiDARs``, ``1 IMU``."""
     nouns = Counter(each.noun for each in sensors)
-    return [f"{count} {noun}{'s' * (count > 1 and not noun.endswith('s'))}" for noun, count in nouns.items()]
+    return [noun if noun.endswith("s") else f"{n} {noun}{'s' * (n > 1)}" for noun, n in nouns.items()]
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""An HTML page about a run: one file that needs no network, no server and no other file."""
+"""An HTML page about a run: one file that needs no network, no server and no other file.
+
+Parts that the run lacks are empty, with the reason in a note. It has samples of all cameras with tag images (paper,
+Figures 17 to 20), compressed to bounded sizes.
+"""
 
 import base64
 import hashlib

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One pass through a bag: time series, the robot's trajectory, and counts of the classes in tag images and clouds.
+"""One pass through a bag: time series and their plots, the robot's trajectory, and counts of classes.
 
 Memory does not grow with the bag, except for the numbers of the small messages (below 1 MB per minute).
 """

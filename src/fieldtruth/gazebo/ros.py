@@ -26,9 +26,8 @@ from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
-from fieldtruth.gazebo.robot import Flavour
-from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
-from fieldtruth.gazebo.templates import render, write
+from fieldtruth.gazebo.files import render, write
+from fieldtruth.gazebo.robot import Flavour, cloud_topic, observers, robot_words
 from fieldtruth.world.model import World
 
 _CONFIG: Final = (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot for Gazebo: frames, poses of sensors, rays, masses, contact of the tyres, and shapes.
+"""The robot with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers.
 
 Frames, rays and masses are those of the rig and of the physics.
 
@@ -13,26 +13,32 @@ for cameras that look past chassis and wheels and beams that pass over them, as 
 """
 
 import math
+import sys
 import warnings
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import transforms
+from fieldtruth.bag import topics
+from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
-from fieldtruth.drive.physics import body_boxes
+from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import Box, Rig
+from fieldtruth.experiment.rig import Box, Rig, sensor_views
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
+from fieldtruth.gazebo.files import render, write
 from fieldtruth.report.card import robot_title
 
+Flavour = Literal["classic", "gz"]
+"""Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
 STIFFNESS: Final = 1e7  # [N/m]
 DAMPING: Final = 1.0  # [N s/m]
 MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
@@ -50,6 +56,71 @@ _POLE: Final = 0.015  # [m] radius
 NEAR: Final = 0.1  # [m] from a camera, below which it sees nothing
 YELLOW: Final = (0.8, 0.6, 0.05)
 BLACK: Final = (0.12, 0.12, 0.12)
+
+
+def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
+    """Write the robot into ``folder``, the root of a package of one flavour.
+
+    - ``models/husky/model.sdf`` and ``model.config``: the model for Gazebo without ROS (classic), or for the newer
+      Gazebo (gz). Gazebo 11 drives it by messages of type ``gazebo.msgs.Pose`` on ``~/husky/vel_cmd``: x is the speed
+      [m/s], the yaw of the orientation the turn rate [rad/s], positive to the left. There the attitude of the IMU is
+      relative to that at the start, and the wheels' radius is half the edge of their bounding box, by which the robot
+      is up to 4 % slower when it starts at a few degrees from an axis of the world; with ROS neither is so.
+    - ``urdf/husky.urdf.xacro`` and ``urdf/husky.urdf``, which is the same with the default arguments: the description
+      for ROS, with the plugins of gazebo_ros. The newer Gazebo uses its frames only.
+
+    Raises:
+        ConfigurationError: a sensor that Gazebo does not have, see ``check_rig``.
+    """
+    check_rig(rig)
+    values = _values(rig, flavour)
+    sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
+    version = "1.9" if flavour == "gz" else "1.7"
+    words = {"robot": values["robot"], "sensors": _sensors(rig)}
+    config = render("robot", "model.config.xml.jinja", version=version, **words)
+    write(folder / "models" / "husky" / "model.sdf", sdf)
+    write(folder / "models" / "husky" / "model.config", config)
+    for name, xacro in (("husky.urdf.xacro", True), ("husky.urdf", False)):
+        write(folder / "urdf" / name, render("robot", "husky.urdf.jinja", xacro=xacro, **values))
+
+
+def _sensors(rig: Rig) -> str:
+    """Name the kinds of sensors of a rig: ``LiDAR, stereo camera and IMU``."""
+    imaging = sorted(rig.enabled(ImagingConfig), key=lambda each: -len(each.imagers()))
+    found = (*rig.enabled(ScanningConfig), *imaging, *rig.giving(Inertial), *rig.giving(Fix))
+    *rest, last = dict.fromkeys(sensor.noun for sensor in found) or ["none"]
+    return f"{', '.join(rest)} and {last}" if rest else last
+
+
+def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
+    mounts = rig.mounts()
+    track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
+    return {
+        "rig": rig,
+        "robot": robot_words(rig.robot),
+        "topics": topics,
+        "geodesy": geodesy,
+        "parts": sys.modules[__name__],
+        "friction": FRICTION,
+        "frames": fixed_frames(rig),
+        "scanners": rig.enabled(ScanningConfig),
+        "inertial_sensors": rig.giving(Inertial),
+        "receivers": rig.giving(Fix),
+        "antennas": {receiver.frame for receiver in rig.giving(Fix)},
+        "own": [text for each in rig.in_order() if (text := each.gazebo(flavour))],
+        "shapes": body_shapes(rig),
+        "tread": wheel_shape(rig),
+        "near": NEAR,
+        "yellow": YELLOW,
+        "black": BLACK,
+        "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
+        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
+        "chassis_mass": rig.robot.chassis_mass,
+        "inertia": chassis_inertia(rig.robot),
+        "track": track,
+        "anchor": track / 2 - rig.wheels.half_track,
+        "wheel_inertia": wheel_inertia(rig.robot),
+    }
 
 
 class Frame(NamedTuple):
@@ -278,26 +349,12 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = {scanner.name: _hits(scanner, points) for scanner in rig.enabled(ScanningConfig) if scanner != owner}
-    seen |= {
-        imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
-        for imager in rig.imagers
-        if imager.config != owner
-    }
-    return [name for name, found in seen.items() if found]
-
-
-def _hits(scanner: ScanningConfig, points: Array) -> bool:
-    x, y, z = transforms.transform(transforms.inverse(scanner.mount.base_from_sensor), points).T
-    angles, elevation = scan_angles(scanner), np.arctan2(z, np.hypot(x, y))
-    within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
-    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= scanner.min_range)).any())
-
-
-def _shows(imaging: ImagingConfig, optical: Array) -> bool:
-    lens, (u, v, depth) = imaging.projection, optical.T
-    inside = (np.abs(u) * lens.fx < depth * imaging.width / 2) & (np.abs(v) * lens.fy < depth * imaging.height / 2)
-    return bool((inside & (depth > NEAR)).any())
+    found = []
+    for view in sensor_views(rig):
+        far = view.scans | (np.linalg.norm(points - view.position, axis=1) > NEAR)
+        if view.config != owner and (view.sees(points) & far).any():
+            found.append(view.name)
+    return found
 
 
 def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:
