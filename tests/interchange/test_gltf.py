@@ -190,7 +190,7 @@ def test_rays_hit_the_classes_that_our_camera_labels(world: World, plain: list[P
         [[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float64
     )
     u, v = np.meshgrid(np.arange(config.width), np.arange(config.height))
-    lens = camera.pinhole
+    lens = camera.intrinsics
     rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(u.shape)], axis=-1).reshape(-1, 3)
     corners = np.concatenate([part.corners for part in plain])
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
