@@ -70,16 +70,16 @@ def test_every_module_is_imported_and_kernels_run(read_only: dict[str, str], tmp
 def test_runs_are_made_checked_and_annotated(read_only: dict[str, str], tmp_path: Path) -> None:
     """Three commands in one process, which compiles for itself."""
     work = tmp_path / "work"
-    rig = paper_rig(cameras=StereoConfig(enabled=False))
+    rig = paper_rig(cameras=StereoConfig(width=64, height=48))
     experiment = tmp_path / "small.yaml"
     experiment.write_text(dump_experiment(in_small_park(seconds=0.1, rig=rig)))
     commands = [
         f"generate {experiment} --out run",
         "validate run/small",
-        "annotate run/small/small.bag --environment park --experiment run/small/experiment.yaml --out annotated.bag",
+        "annotate run/small/small.bag --environment park --experiment run/small/experiment.yaml --lidar --out new.bag",
     ]
     assert " 0 failed" in run(read_only, work, "-c", COMMANDS, *commands)
-    assert {path.name for path in work.iterdir()} == {"run", "annotated.bag"}
+    assert {path.name for path in work.iterdir()} == {"run", "new.bag"}
 
 
 def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
