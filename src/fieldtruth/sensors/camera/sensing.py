@@ -5,16 +5,10 @@
 Of a real one, labels, instances and depth are those of an ideal one at the stamp; the light of the photograph is
 collected while the shutter is open, behind drops and dust, with exposure and white balance from small metering images.
 
-Single drops of rain and flakes of snow before a camera, which fall while the shutter is open. Garg and Nayar, "Vision
-and Rain" (Int. J. Computer Vision 75, 2007): a drop is before a pixel for a part of the exposure only, so its streak is
-as long as it falls in that time, and the more transparent the longer it is; it has the mean light of all that it
-refracts, 165 deg of the scene, of which 94 % pass. Its size is distributed as extinction and LiDARs have it
-(``sense.air``). What is smaller or farther than what is drawn is part of the air's extinction.
-
-Drops of water and specks of dust on the glass before a lens, which is focused far behind them. A drop is a strong lens
-of its own: it shows the scene upside down and small (Roser and Geiger, "Video-based raindrop detection for improved
-image registration", ICCV Workshops 2009), out of focus here, and darker towards its rim. Sizes, speeds and lives of
-drops are our choice. All depend on the view, the seed and the stamp, not on photographs before.
+docs/weather.md explains single drops of rain and flakes of snow before a camera, and docs/camera_signal.md drops and
+dust on the glass, which depend on the view, the seed and the stamp, not on photographs before. Sizes of drops in the
+air are distributed as extinction and LiDARs have them (``sense.air``); what is smaller or farther than what is drawn is
+part of the air's extinction.
 """
 
 from collections.abc import Callable, Sequence
@@ -204,7 +198,7 @@ def _daylight(kelvin: float) -> Array:
 
 
 DROP_LIGHT: Final = 0.94
-"""Share of the light through a drop (Garg and Nayar 2007)."""
+"""Share of the light through a drop, of 165 deg of the scene (Garg and Nayar, Int. J. Computer Vision 75, 2007)."""
 FLAKE_ALBEDO: Final = 0.9
 """Of fresh snow in visible light (Wiscombe and Warren, J. Atmos. Sci. 37, 1980: above 0.9)."""
 APERTURE: Final = 1.2e-3
@@ -332,7 +326,11 @@ def dust_of(seed: int, view: str, count: int, shape: tuple[int, int]) -> Array:
 
 
 def add_drops(light: Float32Array, drops: Array) -> None:
-    """Draw drops (n, 3), see ``drops_at``, into light (h, w, 3)."""
+    """Draw drops (n, 3), see ``drops_at``, into light (h, w, 3).
+
+    Each shows the scene upside down and small (Roser and Geiger, "Video-based raindrop detection for improved image
+    registration", ICCV Workshops 2009).
+    """
     if len(drops):
         soft: Float32Array = gaussian_filter(cell_means(light), (1.5, 1.5, 0.0), mode="nearest")
         draw_drops(light, soft, drops)
@@ -476,7 +474,7 @@ class Camera(IdealCamera):
 
     def metering_image(self, world_from_optical: Array) -> Array:
         """Metering image (n, 3): light at the world's exposure of rays that are evenly spread over the image."""
-        batch, lens = self._framebuffer.shading.batch, self.pinhole
+        batch, lens = self._framebuffer.shading.batch, self.intrinsics
         count = self._meter_points.shape[1]
         batch.image[:, :count] = self._meter_points
         pixel = self.config.width / METERING[0] / lens.fx
