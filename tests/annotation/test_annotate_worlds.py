@@ -23,6 +23,7 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
+SMALL = {"size": [40.0, 30.0], "individuals": 1, "beyond": False}
 EXCERPT = Path(__file__).parent / "data" / "gazebo_park.bag"
 Models = dict[str, Array]
 
@@ -56,14 +57,14 @@ def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["lake", "forest", "hillside"])
 def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: str, tmp_path: Path) -> None:
-    check(tmp_path, models_of(load_world(name, 0, DEFAULT_LAYOUT)), load_world(name))
+    check(tmp_path, models_of(load_world(name, 0, SMALL | DEFAULT_LAYOUT)), load_world(name, 0, SMALL))
 
 
 @pytest.mark.parametrize(("recorded", "given"), list(permutations(ENVIRONMENTS, 2)))
 def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Path) -> None:
-    world = load_world(given)
+    world = load_world(given, 0, SMALL)
     with pytest.raises(FieldtruthError) as error:
-        check(tmp_path, models_of(load_world(recorded)), world)
+        check(tmp_path, models_of(load_world(recorded, 0, SMALL)), world)
     found = re.search(rf"another world: (\d+) of the (\d+) objects of {given} with seed 0 match; ", str(error.value))
     assert found
     assert int(found[1]) < 10 < int(found[2]) == len(world.object_names) - 1
@@ -73,12 +74,12 @@ def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Pat
 @pytest.mark.parametrize("name", ["lake", "hillside"])
 def test_another_seed_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match=f"objects of {name} with seed 1 match; .* is at x "):
-        check(tmp_path, models_of(load_world(name, 0)), load_world(name, 1))
+        check(tmp_path, models_of(load_world(name, 0, SMALL)), load_world(name, 1, SMALL))
 
 
 @pytest.mark.parametrize(("recorded", "given"), [({}, {"benches": 2}), ({"benches": 2}, {})])
 def test_another_layout_is_refused(recorded: dict[str, int], given: dict[str, int], tmp_path: Path) -> None:
-    bag, world = load_world("park", 0, recorded), load_world("park", 0, given)
+    bag, world = (load_world("park", 0, SMALL | each) for each in (recorded, given))
     with pytest.raises(FieldtruthError, match="was recorded in another world: "):
         check(tmp_path, models_of(bag), world)
 

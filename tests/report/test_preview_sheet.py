@@ -5,7 +5,8 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from report_worlds import EXPERIMENT, RIG, small_park
+from report_worlds import EXPERIMENT
+from small_park import RIG, small_park
 
 import fieldtruth
 from fieldtruth.core.errors import UnknownNameError

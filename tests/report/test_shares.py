@@ -4,7 +4,8 @@
 
 import numpy as np
 import pytest
-from report_worlds import EXPERIMENT, RIG, plain, small_park
+from report_worlds import EXPERIMENT, plain
+from small_park import RIG, small_park
 
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.drive.plan import pose_on_ground
