@@ -4,7 +4,7 @@
 
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,9 +23,9 @@ from fieldtruth.pipeline import generate
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.validation import Check, world
+from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
-from fieldtruth.world.build import world_of
+from fieldtruth.world.build import load_world, world_of
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -129,38 +129,43 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def park() -> SensorWorld:
     """World, scene and light of park_1."""
     made = _small_experiment()
-    return SensorWorld(world_of(made), made.rig, made.light, made.weather, seed=made.seed)
+    found = SensorWorld(world_of(made), made.rig, made.light, made.weather, seed=made.seed)
+    assert found.baked  # before a test changes how light is made
+    return found
 
 
 @pytest.fixture(scope="module")
 def in_park(park: SensorWorld) -> Iterator[None]:
-    """Runs in park_1's world use it with its scene and light as they are built, because to load them takes seconds."""
+    """All that is in park_1's world uses it with its scene and light as they are built; to load them takes seconds."""
 
-    def is_park(e: Experiment) -> bool:
-        return (e.environment, e.seed, e.layout) == ("park", 0, {})
+    def world_for(e: Experiment) -> World:
+        return world_named(e.environment, e.seed, e.layout)
 
-    def baked(scene: Scene, towards: LightConfig, weather: WeatherConfig | None = None) -> BakedScene:
-        same = scene is park.scene and towards == park.light and (weather is None or weather.is_clear)
-        return park.baked if same else bake(scene, towards, weather)
+    def world_named(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
+        same = (environment, seed, layout or {}) == ("park", 0, {})
+        return park.world if same else load_world(environment, seed, layout)
 
-    report = "fieldtruth.report.page.map"
+    def scene(world: World) -> Scene:
+        return park.scene if world is park.world else Scene(world)
+
+    def baked(scene: Scene, light: LightConfig, weather: WeatherConfig | None = None) -> BakedScene:
+        same = scene is park.scene and light == park.light and (weather is None or weather.is_clear)
+        return park.baked if same else bake(scene, light, weather)
+
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("fieldtruth.simulation.stepped", report):
-            patch.setattr(f"{module}.world_of", lambda e: park.world if is_park(e) else world_of(e))
-        for module in ("fieldtruth.sensors.kind", report):
-            patch.setattr(f"{module}.Scene", lambda world: park.scene if world is park.world else Scene(world))
-            patch.setattr(f"{module}.bake", baked)
+        patch.setattr("fieldtruth.annotation.load_world", world_named)
+        for module in ("simulation.stepped", "validation.world", "exporters.amodal", "report.page.map"):
+            patch.setattr(f"fieldtruth.{module}.world_of", world_for)
+        for module in ("sensors.kind", "validation.world", "report.page.map"):
+            patch.setattr(f"fieldtruth.{module}.Scene", scene)
+        for module in ("sensors.kind", "report.page.map"):
+            patch.setattr(f"fieldtruth.{module}.bake", baked)
         yield
 
 
 @pytest.fixture
-def validate_in_park(park: SensorWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
+def validate_in_park(in_park: None) -> Callable[..., list[Check]]:
     """``validate`` with the world already built."""
-
-    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[SensorWorld | None, str]:
-        return (None, "quick") if quick else (park, "")
-
-    monkeypatch.setattr(world, "rebuild", rebuild)
     return validate
 
 
@@ -261,11 +266,19 @@ def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
     return export_once
 
 
+_SMALL_SKIES: Final = (
+    "render", "simulation", "test_bench", "test_examples", "test_camera_in_rain", "test_camera_shutter",
+    "test_camera_signal_runs", "test_preview_sheet", "test_preview_parts", "test_report_many_sensors",
+    "test_own_meshes", "test_visible_robot", "test_validation_lenses", "test_geometry_images",
+)  # fmt: skip
+"""Folders and files of tests in small worlds."""
+
+
 @pytest.fixture(scope="module", autouse=True)
 def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Skies of 512 x 512 texels in tests of photographs and of the benchmark: one of the full size takes seconds."""
+    """Skies of 512 x 512 texels in small worlds: one of the full size takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name in {"render", "simulation"} or request.path.name == "test_bench.py":
+        if request.path.parent.name in _SMALL_SKIES or request.path.stem in _SMALL_SKIES:
             from fieldtruth.render import daylight
 
             patch.setattr(daylight, "DOME_TEXELS", 512)
