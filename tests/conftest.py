@@ -5,22 +5,26 @@
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from filelock import FileLock
 from many_sensors import many_rig
+from numpy.random import Generator
 from small_park import in_small_park
 
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
+from fieldtruth.experiment.light_config import Light, LightConfig, WeatherConfig
 from fieldtruth.exporters import FORMATS, export
 from fieldtruth.pipeline import generate
+from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.daylight import Daylight
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check
@@ -269,17 +273,26 @@ def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
 _SMALL_SKIES: Final = (
     "render", "simulation", "test_bench", "test_examples", "test_camera_in_rain", "test_camera_shutter",
     "test_camera_signal_runs", "test_preview_sheet", "test_preview_parts", "test_report_many_sensors",
-    "test_own_meshes", "test_visible_robot", "test_validation_lenses", "test_geometry_images",
+    "test_own_meshes", "test_ids_of_hits", "test_visible_robot", "test_validation_lenses", "test_geometry_images",
 )  # fmt: skip
 """Folders and files of tests in small worlds."""
+_DAYS: Final = dict[Any, Daylight]()
 
 
 @pytest.fixture(scope="module", autouse=True)
 def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Skies of 512 x 512 texels in small worlds: one of the full size takes seconds."""
+    """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds."""
+
+    def day_of(
+        light: Light, size: tuple[float, float], rng: Generator, pool: ThreadPoolExecutor, texels: int
+    ) -> Daylight:
+        key = light, size, str(rng.bit_generator.state), texels
+        if key not in _DAYS:
+            _DAYS[key] = daylight.metered_daylight(light, size, rng, pool, texels)
+        return _DAYS[key]
+
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name in _SMALL_SKIES or request.path.stem in _SMALL_SKIES:
-            from fieldtruth.render import daylight
-
             patch.setattr(daylight, "DOME_TEXELS", 512)
+            patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
         yield
