@@ -23,7 +23,7 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
-SMALL = {"size": [40.0, 30.0], "individuals": 1, "beyond": False}
+SMALL = {"size": [60.0, 40.0], "individuals": 1, "beyond": False}
 EXCERPT = Path(__file__).parent / "data" / "gazebo_park.bag"
 Models = dict[str, Array]
 
@@ -62,9 +62,9 @@ def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: s
 
 @pytest.mark.parametrize(("recorded", "given"), list(permutations(ENVIRONMENTS, 2)))
 def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Path) -> None:
-    world = load_world(given, 0, SMALL)
+    world = load_world(given)
     with pytest.raises(FieldtruthError) as error:
-        check(tmp_path, models_of(load_world(recorded, 0, SMALL)), world)
+        check(tmp_path, models_of(load_world(recorded)), world)
     found = re.search(rf"another world: (\d+) of the (\d+) objects of {given} with seed 0 match; ", str(error.value))
     assert found
     assert int(found[1]) < 10 < int(found[2]) == len(world.object_names) - 1
