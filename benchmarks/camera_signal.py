@@ -25,9 +25,9 @@ from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal, StereoConfig
-from fieldtruth.sensors.camera.message import camera_jpeg
 from fieldtruth.sensors.camera.photo import LUMINANCE
 from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.sensor import camera_jpeg
 from fieldtruth.world.build import world_of
 
 YAW_RATE = 0.5  # [rad/s] of the robot that turns

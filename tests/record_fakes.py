@@ -130,7 +130,9 @@ class FakeScene:
 class FakeLidar:
     """Returns a number of points that changes from scan to scan, on a line that depends on the LiDAR's pose."""
 
-    def __init__(self, config: LidarConfig, scene: FakeScene, robot: object = (), weather: object = None) -> None:
+    def __init__(
+        self, config: LidarConfig, scene: FakeScene, robot: object = (), weather: object = None, *, seed: int = 0
+    ) -> None:
         self.config = config
 
     def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
@@ -151,7 +153,7 @@ class FakeCamera:
 
     pause = 0.0
 
-    def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False) -> None:
+    def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False, seed: int = 0) -> None:
         self.config = config
 
     def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> FakeImages:

@@ -95,9 +95,9 @@ from .sensors.kind import SensorWorld as SensorWorld
 from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
-from .simulation.ahead import frames as frames
 from .simulation.due import Frame as Frame
 from .simulation.stepped import Simulation as Simulation
+from .simulation.stepped import frames as frames
 from .validation import Check as Check
 from .validation.runner import validate as validate
 from .world.build import check_experiment as check_experiment

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise for a run that is finished: the same bag as if it had been generated with these signals.
 
-World and drive are made again from the run's experiment, because what a real sensor reads depends on surfaces that no
-ideal message states. What cameras and LiDARs without a signal have sensed is taken from the bag.
+The world is made again from the run's experiment, because what a real sensor reads depends on surfaces that no ideal
+message states. What sensors without a signal have read is taken from the bag. So is the motion, if the bag has all that
+the others need of it: sensors that see need it until the last sweep is complete, which is after the end of the bag, and
+wheels need their angles at every step of the physics. For these the robot drives again.
 """
 
 import threading
-from collections.abc import Container
+from array import array
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,18 +19,23 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import provenance
-from fieldtruth.bag.file import BagError
-from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.file import EXPERIMENT, BagError
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.provenance import fits_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.topics import ODOMETRY
+from fieldtruth.bag.topics import COMMANDS, MODEL_STATES, ODOMETRY
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Progress
+from fieldtruth.core.transforms import wxyz_from_xyzw
+from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream
+from fieldtruth.record.streams import Sensors, Stream
 from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.stepped import Simulation
 
@@ -71,45 +79,85 @@ def degrade(
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     experiment = with_overrides(run.experiment, signal=signal)
-    changed = [new for new, old in zip(experiment.rig.sensors, run.rig.sensors, strict=True) if new != old]
+    pairs = zip(experiment.rig.sensors, run.rig.sensors, strict=True)
+    changed = [old for new, old in pairs if new != old]
     if not any(sensor.enabled for sensor in changed):
         raise ConfigurationError("signal must change a sensor of the run: all of them stay ideal")
     with open_bag(run.bag) as bag:
-        stored = _Stored(bag, run.rig, {sensor.name for sensor in changed})
+        stored = _Stored(bag, run, changed)
 
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
-            made = prepare(simulation, progress)
-            return _Degraded(made.experiment, made.world, made.track, run, stored, scene=made.scene)
+            if stored.drives:
+                made = prepare(simulation, progress)
+                world, track = made.world, made.track
+            else:
+                with progress.stage("build the world"):
+                    world, track = simulation.world, stored.track()
+            return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)
 
         simulation = Simulation(experiment, scene=scene)
         return generate_by(engine, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
 class _Stored:
-    """Messages in a bag of the cameras and other seeing sensors that stay as they are; threads may share it."""
+    """Messages in a bag that stay as they are; threads may share it.
 
-    def __init__(self, bag: BagReader, rig: Rig, changed: Container[str]) -> None:
-        kept = (sensor for sensor in rig.in_order() if sensor.sees and sensor.name not in changed)
+    They are those of sensors that see and do not change; where the robot need not drive again, all but those of the
+    sensors that change.
+    """
+
+    def __init__(self, bag: BagReader, run: Run, changed: Collection[SensorConfig]) -> None:
+        moved = any(sensor.sees or sensor.needs_wheels for sensor in changed)
+        self.drives = moved or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
+        """Whether the robot drives again."""
+        kept = [each for each in run.rig.in_order() if each not in changed and (each.sees or not self.drives)]
         self.sensors = {sensor.name for sensor in kept}
-        topics = [topic.name for sensor in rig.in_order() if sensor.name in self.sensors for topic in sensor.topics()]
-        self._bag, self._index = bag, bag.index([topic for topic in (*topics, ODOMETRY) if topic in bag.counts])
+        topics = {topic.name for sensor in kept for topic in sensor.topics()}
+        if not self.drives:
+            topics = {*bag.counts} - {topic.name for sensor in changed for topic in sensor.topics()}
+        self._bag, self._topics = bag, topics & bag.counts.keys()
+        self._index = bag.index(sorted({*topics, ODOMETRY} & bag.counts.keys()))
         self._lock = threading.Lock()
         self._chunk = lru_cache(_CHUNKS)(bag.chunk)
 
     def replaces(self, stream: Stream) -> Stream:
-        """Return the stream of the bag with these topics; the stream itself if the bag has none.
+        """Return the stream of the bag with these topics; the stream itself if it does not stay.
 
         Raises:
             BagError: the bag has readings at other stamps.
         """
-        if stream.topics == (ODOMETRY,) or not self._index.keys() >= {*stream.topics}:
+        if not self._topics >= {*stream.topics}:
             return stream
         for topic in stream.topics:
             if not np.array_equal(self._index[topic].stamps_ns, stream.stamps_ns):
                 raise _other_version(self._bag, topic)
-        return Stream(
-            stream.topics, stream.stamps_ns, lambda k, _: [self._message(topic, k) for topic in stream.topics]
+
+        def messages(rows: Counts, _: Sensors) -> Iterator[list[bytes]]:
+            return ([self._message(topic, k) for topic in stream.topics] for k in rows.tolist())
+
+        return Stream(stream.topics, stream.stamps_ns, messages)
+
+    def track(self) -> Track:
+        """Return the motion in the bag, without what follows its end; of wheels and commands the stamps only."""
+        states, stamps, rows = ModelStatesReader(), array("q"), array("d")
+        for raw in self._bag.messages([MODEL_STATES]):
+            row = states.row(raw.data)
+            stamps.append(raw.stamp_ns)
+            rows.extend((*states.poses(raw.data)[row].tolist(), *states.twists(raw.data)[row].tolist()))
+        table = np.frombuffer(rows).reshape(-1, 13)
+        motion = Motion(
+            stamps_ns=np.frombuffer(stamps, np.int64),
+            position=table[:, :3],
+            quaternion_wxyz=wxyz_from_xyzw(table[:, 3:7]),
+            linear_velocity=table[:, 7:10],
+            angular_velocity=table[:, 10:],
         )
+        base = None
+        if COMMANDS in self._topics:
+            none, due = np.zeros((0, 0)), self._index[COMMANDS].stamps_ns
+            commands = Commands(stamps_ns=due, command=np.zeros((len(due), 2)))
+            base = Base(wheels=WheelMotion(angle=none, speed=none), commands=commands)
+        return Track(motion=motion, swept=motion, base=base)
 
     def _message(self, topic: str, k: int) -> bytes:
         index = self._index[topic]
@@ -119,9 +167,9 @@ class _Stored:
     def check(self, stream: Stream) -> None:
         """Raise BagError unless the first and the last message of a topic are those of a stream."""
         (topic,) = stream.topics
-        for k in (0, -1):
-            if [self._message(topic, k)] != list(stream.messages(range(len(stream.stamps_ns))[k], {})):
-                raise _other_version(self._bag, topic)
+        ends = np.array([0, len(stream.stamps_ns) - 1])
+        if [(self._message(topic, k),) for k in ends.tolist()] != list(stream.messages(ends, {})):
+            raise _other_version(self._bag, topic)
 
 
 def _other_version(bag: BagReader, topic: str) -> BagError:
@@ -151,7 +199,7 @@ class _Degraded(PreparedHere):
         """Return its streams; raises BagError if the robot drove otherwise in the bag."""
         streams = super().streams()
         for stream in streams:
-            if stream.topics == (ODOMETRY,):
+            if stream.topics == (ODOMETRY,) and self.stored.drives:
                 self.stored.check(stream)
         return [self.stored.replaces(stream) for stream in streams]
 

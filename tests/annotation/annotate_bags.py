@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import ros_types as ros
 from rosbags.interfaces import Connection, ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
-from fieldtruth.bag import messages as ros
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 

@@ -12,10 +12,9 @@ from series import odometry_along, reading_of
 from fieldtruth.bag import messages
 from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
-from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speed
+from fieldtruth.sensors.wheel_odometry.sensor import joint_states, wheel_odometry, wheel_speeds
 
 TRACK = make_track(make_world(), make_experiment(2.5))
 RIG = Rig()
@@ -27,12 +26,15 @@ def back(data: bytes, msgtype: str) -> Any:
 
 
 def test_wheel_speed() -> None:
-    assert back(wheel_speed(-1.8125), "std_msgs/msg/Float32").data == -1.8125
+    assert [back(data, "std_msgs/msg/Float32").data for data in wheel_speeds(np.array([-1.8125, 2.5]))] == [
+        -1.8125,
+        2.5,
+    ]
 
 
 def test_joint_states_name_the_joints_of_the_urdf() -> None:
     assert TRACK.base is not None
-    message = back(joint_states(9, reading_of(WHEELS, TRACK, 9, "joints")), "sensor_msgs/msg/JointState")
+    message = back(joint_states(9, reading_of(WHEELS, TRACK, 9, "joints"))[0], "sensor_msgs/msg/JointState")
     assert (message.header.seq, stamp_ns(message.header), message.header.frame_id) == (9, 200_000_000, "base_link")
     assert message.name[:2] == ["front_left_wheel_joint", "front_right_wheel_joint"]
     np.testing.assert_allclose(message.position, (0.2, 0.4, 0.22, 0.44), atol=1e-15)
@@ -43,7 +45,7 @@ def test_joint_states_name_the_joints_of_the_urdf() -> None:
 def test_wheel_odometry_is_a_planar_pose_in_odom() -> None:
     assert TRACK.base is not None
     odometry = odometry_along(TRACK)
-    message = back(wheel_odometry(99, reading_of(WHEELS, TRACK, 99, "odometry")), "nav_msgs/msg/Odometry")
+    message = back(wheel_odometry(99, reading_of(WHEELS, TRACK, 99, "odometry"))[0], "nav_msgs/msg/Odometry")
     assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
     x, y, yaw = odometry.pose[99]
     pose, twist = message.pose.pose, message.twist.twist
@@ -55,7 +57,7 @@ def test_wheel_odometry_is_a_planar_pose_in_odom() -> None:
 
 def test_command() -> None:
     assert TRACK.base is not None
-    message = back(messages.command(4, TRACK.base.commands), "geometry_msgs/msg/Twist")
+    message = back(messages.commands(TRACK.base.commands.command[4:5])[0], "geometry_msgs/msg/Twist")
     assert [message.linear.x, message.angular.z] == TRACK.base.commands.command[4].tolist()
 
 
@@ -72,7 +74,7 @@ def test_a_wheel_that_rolls_forwards_turns_its_top_forwards() -> None:
 
 def test_tf_has_base_link_and_the_wheels() -> None:
     wheels = messages.wheel_transforms(RIG, np.array([1.0, 2.0, 3.0, 4.0]))
-    data = messages.tf(24, 500_000_000, state_at(TRACK.motion, 500_000_000), wheels)
+    data = messages.tf(24, TRACK.motion.at(np.array([499])), wheels)[0]
     base, *turning = back(data, "tf2_msgs/msg/TFMessage").transforms
     assert (base.header.frame_id, base.child_frame_id) == ("world", "base_link")
     for each, (name, base_from_wheel) in zip(turning, wheels.items(), strict=True):

@@ -13,16 +13,16 @@ from fieldtruth.bag import messages as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.drive.track import State, state_at
+from fieldtruth.drive.track import Motion, state_at
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.sensors.camera import message as camera
+from fieldtruth.sensors.camera import sensor as camera
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.gnss.message import navsat
-from fieldtruth.sensors.imu.message import imu
+from fieldtruth.sensors.gnss.sensor import navsat
+from fieldtruth.sensors.imu.sensor import imu
 from fieldtruth.sensors.lidar.config import LidarConfig, TimeField
-from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensor import point_cloud
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",
@@ -64,12 +64,12 @@ def test_types_are_those_of_ros() -> None:
 
 
 def test_clock() -> None:
-    clock = back(messages.clock(STAMP), "rosgraph_msgs/msg/Clock").clock
+    clock = back(messages.clocks(np.array([STAMP]))[0], "rosgraph_msgs/msg/Clock").clock
     assert (clock.sec, clock.nanosec) == (12, 345_678_901)
 
 
 def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
-    message = back(imu(7, reading_of(RIG.imu, TRACK, 7)), "sensor_msgs/msg/Imu")
+    message = back(imu(7, reading_of(RIG.imu, TRACK, 7))[0], "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
     assert wxyz(message.orientation) == imu_along(TRACK).quaternion_wxyz[7].tolist()
@@ -79,7 +79,7 @@ def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
 
 
 def test_navsat() -> None:
-    message = back(navsat(1, reading_of(RIG.gnss, TRACK, 1)), "sensor_msgs/msg/NavSatFix")
+    message = back(navsat(1, reading_of(RIG.gnss, TRACK, 1))[0], "sensor_msgs/msg/NavSatFix")
     assert (message.header.frame_id, read.stamp_ns(message.header)) == ("GNSS_link", 10**9)
     assert [message.latitude, message.longitude, message.altitude] == fixes_along(TRACK).geodetic[1].tolist()
     assert message.status.status == message.status.STATUS_FIX
@@ -88,8 +88,15 @@ def test_navsat() -> None:
 def test_twist_of_odometry_is_in_base_link() -> None:
     # The robot looks north-west and moves to the west: half of it forwards, half of it to its left.
     q = transforms.quaternion_wxyz_from_rotation(transforms.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
-    state = State(np.array([1.0, 2.0, 3.0]), q, np.array([0.0, 1.0, 0.5]), np.array([1.0, 0.0, 0.25]))
-    message = back(messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
+    position, linear, angular = np.array([[[1.0, 2.0, 3.0]], [[0.0, 1.0, 0.5]], [[1.0, 0.0, 0.25]]])
+    motion = Motion(
+        stamps_ns=np.array([STAMP]),
+        position=position,
+        quaternion_wxyz=q[None],
+        linear_velocity=linear,
+        angular_velocity=angular,
+    )
+    message = back(messages.odometry(3, motion)[0], "nav_msgs/msg/Odometry")
     half = np.sqrt(0.5)
     assert (message.header.frame_id, message.child_frame_id, message.header.seq) == ("world", "base_link", 3)
     assert xyz(message.pose.pose.position) == [1.0, 2.0, 3.0]
@@ -99,8 +106,7 @@ def test_twist_of_odometry_is_in_base_link() -> None:
 
 
 def test_tf() -> None:
-    state = state_at(TRACK.motion, 500_000_000)
-    (stamped,) = back(messages.tf(24, 500_000_000, state, {}), "tf2_msgs/msg/TFMessage").transforms
+    (stamped,) = back(messages.tf(24, TRACK.motion.at(np.array([499])), {})[0], "tf2_msgs/msg/TFMessage").transforms
     assert (stamped.header.frame_id, stamped.child_frame_id, stamped.header.seq) == ("world", "base_link", 24)
     assert xyz(stamped.transform.translation) == TRACK.motion.position[499].tolist()
     assert wxyz(stamped.transform.rotation) == TRACK.motion.quaternion_wxyz[499].tolist()

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from fieldtruth.bag import decode as read
 from fieldtruth.experiment.catalogue import list_models
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensor import point_cloud
 
 STAMP = 1_700_000_000_123_456_789
 UINT8, UINT16, UINT32, FLOAT32, FLOAT64 = 2, 4, 6, 7, 8  # sensor_msgs/PointField

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ros_types as ros
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
@@ -16,7 +17,6 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCova
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag import messages as ros
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import open_run

@@ -2,19 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader
 
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.messages import clock
+from fieldtruth.bag.messages import clocks
 from fieldtruth.bag.topics import CLOCK
 from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
-from fieldtruth.sensors.wheel_odometry.message import wheel_speed
+from fieldtruth.sensors.wheel_odometry.sensor import wheel_speeds
 
 TOPIC = WHEEL_SPEEDS[0]
+
+
+def clock(stamp: int) -> bytes:
+    return clocks(np.array([stamp]))[0]
+
+
+def wheel_speed(speed: float) -> bytes:
+    return wheel_speeds(np.array([speed]))[0]
 
 
 def write(path: Path, stamps: range) -> Path:

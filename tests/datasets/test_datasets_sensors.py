@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from fieldtruth.bag.file import BagError
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
-from fieldtruth.sensors.camera.message import camera_matrix
+from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 RIG = many_rig()

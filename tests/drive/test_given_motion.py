@@ -11,12 +11,12 @@ from series import imu_along
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
-from fieldtruth.drive.given_motion import motion_along, track_along
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import ImuReadings
+from fieldtruth.simulation.motion import motion_along, track_along
 
 GRAVITY = 9.81
 IN_MIDDLE = paper_rig(imu=ImuConfig(rate_hz=1000.0, mount=Mount(xyz=(0.0, 0.0, 0.0))))

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
-from fieldtruth.drive.given_motion import motion_along
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
@@ -16,6 +15,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import ImuReadings, point_velocity, read_imu
+from fieldtruth.simulation.motion import motion_along
 from fieldtruth.world.build import world_of
 
 UPRIGHT = Mount(xyz=(0.0, 0.0, 0.0))

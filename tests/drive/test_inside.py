@@ -7,10 +7,10 @@ import pytest
 from drive_worlds import make_world, obstacle
 
 from fieldtruth.core.errors import TrackError
-from fieldtruth.drive.given_motion import check_motion, motion_along
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.simulation.motion import check_motion, motion_along
 from fieldtruth.world.model import World
 
 BARE = paper_rig(cameras=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False))

@@ -17,7 +17,7 @@ from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.gazebo import write_gazebo
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
+from fieldtruth.sensors.camera.sensor import camera_matrix, distortion, projection_matrix
 
 PAGE = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text(encoding="utf-8")
 TEXT = "name: a\nenvironment: park\nroute: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}\nrig: {cameras: {%s}}\n"

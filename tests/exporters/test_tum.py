@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ros_types as ros
 from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from evo.tools import file_interface
@@ -15,7 +16,6 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
-from fieldtruth.bag import messages as ros
 from fieldtruth.bag.file import BagError
 from fieldtruth.exporters import export
 

@@ -26,7 +26,7 @@ from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
-from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
+from fieldtruth.sensors.camera.sensor import camera_matrix, projection_matrix
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World

@@ -22,6 +22,8 @@ from fieldtruth.sensors.kind import SensorWorld
 pytestmark = pytest.mark.usefixtures("in_park")
 NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
 
+OF_MOTION: dict[str, Any] = {"imu": "datasheet", "gnss": "datasheet"}
+
 
 def short() -> Experiment:
     values = load_experiment("park_1").model_dump()
@@ -37,7 +39,9 @@ def ideal(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "signal", [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}], ids=["lidar, imu, gnss", "cameras"]
+    "signal",
+    [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}, OF_MOTION],
+    ids=["lidar, imu, gnss", "cameras", "imu, gnss"],
 )
 def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: Path, tmp_path: Path) -> None:
     """A spinning LiDAR needs poses after the last stamp, which no bag has."""
@@ -59,6 +63,13 @@ def test_cameras_that_stay_ideal_are_not_rendered_again(
     degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
 
 
+def test_sensors_of_motion_take_it_from_the_bag(
+    ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, park: SensorWorld
+) -> None:
+    monkeypatch.setattr("fieldtruth.degradation.prepare", lambda *_: pytest.fail("the robot drives again"))
+    degrade(ideal, tmp_path, signal=OF_MOTION, scene=park.scene)
+
+
 def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path, park: SensorWorld) -> None:
     """Images of another processor stay in the degraded bag; if the robot drives otherwise here, that is the reason."""
     shutil.copytree(ideal, tmp_path / "park_1")
@@ -77,8 +88,9 @@ def test_a_run_that_would_be_recorded_otherwise_is_refused(ideal: Path, tmp_path
     assert "speed: 0.3\n" in text
     (copy / "experiment.yaml").write_text(text.replace("speed: 0.3\n", "speed: 0.4\n"))
     line = r"differs in /ground_truth/odom from what fieldtruth records here \(its experiment or version was another\)"
-    with pytest.raises(BagError, match=line):
-        degrade(copy, tmp_path / "out", signal=NOISE)
+    for name, signal in (("seen", NOISE), ("felt", OF_MOTION)):
+        with pytest.raises(BagError, match=line):
+            degrade(copy, tmp_path / name, signal=signal)
     (copy / "made_by.json").unlink()
     with pytest.raises(BagError, match=r"records here \(no made_by\.json says what made it\); generate it again"):
         degrade(copy, tmp_path / "out", signal=NOISE)

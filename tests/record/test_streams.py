@@ -5,6 +5,7 @@
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import paper_topics
@@ -47,6 +48,8 @@ from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.kind import SensorWorld
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 SECONDS = 2.5
@@ -270,12 +273,31 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
             return super().scan(world_from_lidar[0])
 
     stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (paper_topics.POINTS,))
-    list(stream.messages(3, fake_sensors(WORLD, rig, Watch)))
+    list(stream.messages(np.array([3]), fake_sensors(WORLD, rig, Watch)))
     motion = track.motion
     truth = (
         transforms.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
     )
     np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s
+
+
+def test_messages_made_many_at_once_are_those_made_one_by_one() -> None:
+    """Of all sensors of motion, with signals, clocks that lose readings, and the truth beside them."""
+    clock = {"jitter_s": 1e-4, "drop_share": 0.1, "drift_ppm": 50.0}
+    kinds: dict[str, dict[str, Any]] = {
+        "imu": {"rate_hz": 1000.0},
+        "gnss": {"rate_hz": 10.0, "signal": {"obstacles": False}},
+        "wheel_odometry": {"rate_hz": 33.0},
+    }
+    sensors = [{"kind": kind, "signal": "datasheet", "clock": clock, **values} for kind, values in kinds.items()]
+    rig = Rig.model_validate({"sensors": sensors})
+    made = new_sensors(SensorWorld(WORLD, rig, scene=None), rig)
+    for stream in streams_of(WORLD, make_track(WORLD, make_experiment(1.0, rig=rig)), rig):
+        rows = np.arange(len(stream.stamps_ns))
+        whole = [tuple(each) for each in stream.messages(rows, made)]
+        alone = [tuple(each) for row in rows for each in stream.messages(rows[row : row + 1], made)]
+        assert whole == alone, stream.topics
+        assert {len(each) for each in whole} == {len(stream.topics)}
 
 
 def test_slices_hold_stamps_after_their_start_up_to_their_end(tmp_path: Path) -> None:

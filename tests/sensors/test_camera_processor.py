@@ -13,8 +13,8 @@ from scipy.special import erf
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment, parse_experiment, with_overrides
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
-from fieldtruth.sensors.camera.message import camera_jpeg
 from fieldtruth.sensors.camera.photo import Developer, encoded
+from fieldtruth.sensors.camera.sensor import camera_jpeg
 
 SIZE = 256
 CONFIG = CameraConfig(width=SIZE, height=SIZE, horizontal_fov_deg=60.0, vertical_fov_deg=60.0)

@@ -16,11 +16,10 @@ from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssReadings
-from fieldtruth.sensors.gnss.sensor import Gnss, _line
+from fieldtruth.sensors.gnss.sensor import Gnss, _line, navsat
 from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
@@ -51,7 +50,7 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     sensor, (output,) = Gnss(GnssConfig(), SensorWorld(OPEN.world, Rig())), GnssConfig().outputs()
     for k in range(60):
         at_k = At(k, k, k, Movement(lambda _: np.eye(4)))
-        first, second = (message.navsat(k, sensor.reading(output, at_k, series)) for series in (same, true))
+        first, second = (navsat(k, sensor.reading(output, at_k, series)) for series in (same, true))
         assert first == second
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import ros_types as ros
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import messages as ros
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines
 from fieldtruth.bag.reader import RawMessage, open_bag
@@ -22,9 +22,9 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.camera.message import instances
+from fieldtruth.sensors.camera.sensor import instances
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensor import point_cloud
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 

@@ -23,7 +23,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
-from fieldtruth.sensors.camera import message as write
+from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 

@@ -13,8 +13,8 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.sensors.lidar import check as clouds
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import point_cloud
 from fieldtruth.sensors.lidar.sensing import ray_directions, ray_times_ns
+from fieldtruth.sensors.lidar.sensor import point_cloud
 from fieldtruth.validation.check import Rule, Tally
 
 STAMP = 1_700_000_000_123_456_789

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import ros_types as ros
 from changed_bags import IMU, POINTS, Edits, add, bag_in, edited, failures, points_in, rewritten
 from rosbags.rosbag1 import Writer
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
@@ -13,7 +14,6 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__String as String
 
-from fieldtruth.bag import messages as ros
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.validation import Check

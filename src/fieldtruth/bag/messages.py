@@ -1,41 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ROS 1: typed classes, the store that serialises them, and those of the robot and its motion.
+"""Messages of ROS 1: the store of their types, and those of the robot and its motion.
 
-Only here quaternions are converted to ROS's order (x, y, z, w). Covariances are all zero: the poses are exact. ROS
-reads zeros as "unknown", so a filter must be given its own.
+Small messages, which come at up to 1000 Hz, are serialised many at once: ROS 1 writes the fields of a message one after
+the other, little-endian. Only here quaternions are converted to ROS's order (x, y, z, w). Covariances are all zero: the
+poses are exact. ROS reads zeros as "unknown", so a filter must be given its own.
 """
 
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores import ros1_noetic as noetic
 
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.track import Commands, Motion, State
+from fieldtruth.core.transforms import xyzw_from_wxyz
+from fieldtruth.drive.track import Motion, Stamps
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.world.model import World
 
-Time = noetic.builtin_interfaces__msg__Time
-Point = noetic.geometry_msgs__msg__Point
-Pose = noetic.geometry_msgs__msg__Pose
-PoseWithCovariance = noetic.geometry_msgs__msg__PoseWithCovariance
-Quaternion = noetic.geometry_msgs__msg__Quaternion
-Transform = noetic.geometry_msgs__msg__Transform
-TransformStamped = noetic.geometry_msgs__msg__TransformStamped
-Twist = noetic.geometry_msgs__msg__Twist
-TwistWithCovariance = noetic.geometry_msgs__msg__TwistWithCovariance
-Vector3 = noetic.geometry_msgs__msg__Vector3
-Odometry = noetic.nav_msgs__msg__Odometry
-Clock = noetic.rosgraph_msgs__msg__Clock
 Header = noetic.std_msgs__msg__Header
 
 # Wording as in ROS, so that the MD5 sums are ROS's own.
@@ -50,22 +40,6 @@ STORE: Final = get_typestore(Stores.ROS1_NOETIC)
 """All message types of the common packages of ROS noetic, and the two that rosbags lacks."""
 STORE.register(get_types_from_msg(TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
 STORE.register(get_types_from_msg(MODEL_STATES, "gazebo_msgs/msg/ModelStates"))
-
-
-@dataclass(frozen=True)
-class TFMessage:
-    """tf2_msgs/TFMessage."""
-
-    transforms: list[TransformStamped]
-
-
-@dataclass(frozen=True)
-class ModelStates:
-    """gazebo_msgs/ModelStates."""
-
-    name: list[str]
-    pose: list[Pose]
-    twist: list[Twist]
 
 
 def register(definition: str, msgtype: str) -> type:
@@ -85,64 +59,87 @@ def serialize(message: object, msgtype: str) -> bytes:
     return bytes(STORE.serialize_ros1(message, msgtype))
 
 
-def time(stamp_ns: int) -> Time:
-    """Convert a stamp [ns] to ROS's seconds and nanoseconds."""
-    return Time(*divmod(int(stamp_ns), 10**9))
-
-
 def header(seq: int, stamp_ns: int, frame_id: str) -> Header:
     """Return the header of the ``seq``-th message of a topic, counted from 0."""
-    return Header(seq, time(stamp_ns), frame_id)
+    return Header(seq, noetic.builtin_interfaces__msg__Time(*divmod(int(stamp_ns), 10**9)), frame_id)
 
 
-def vector(xyz: Array) -> Vector3:
-    """Convert (3,) to a Vector3."""
-    return Vector3(*map(float, xyz))
+Field = bytes | ArrayLike
+"""Bytes of a field that all messages share, or an array (n, ...) with a row for each message; one row of one message.
+"""
 
 
-def point(xyz: Array) -> Point:
-    """Convert (3,) [m] to a Point."""
-    return Point(*map(float, xyz))
+def serialized(count: int, *fields: Field) -> list[bytes]:
+    """Serialise ``count`` messages of one size by their fields, in the order of their type."""
+    parts = []
+    for field in fields:
+        if isinstance(field, bytes):
+            parts.append(np.broadcast_to(np.frombuffer(field, np.uint8), (count, len(field))))
+        else:
+            parts.append(np.ascontiguousarray(field).reshape(count, -1).view(np.uint8))
+    table = np.concatenate(parts, axis=1)
+    data, size = table.tobytes(), table.shape[1]
+    return [data[at : at + size] for at in range(0, len(data), size)]
 
 
-def quaternion(wxyz: Array) -> Quaternion:
-    """Convert (4,) in the order (w, x, y, z) to a Quaternion."""
-    return Quaternion(*map(float, transforms.xyzw_from_wxyz(wxyz)))
+def text_field(text: str) -> bytes:
+    """Return the field of a string."""
+    encoded = text.encode()
+    return struct.pack("<L", len(encoded)) + encoded
 
 
-def transform_stamped(head: Header, child: str, parent_from_child: Array) -> TransformStamped:
-    """Convert (4, 4), from ``child`` to the header's frame, to a TransformStamped."""
-    rotation = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
-    return TransformStamped(head, child, Transform(vector(parent_from_child[:3, 3]), quaternion(rotation)))
+def time_field(stamps_ns: Any) -> Field:
+    """Return the field of times (n,) [ns]: seconds and nanoseconds."""
+    return np.stack(np.divmod(stamps_ns, 10**9), axis=-1).astype("<u4")
+
+
+def header_fields(seq: Any, stamps_ns: Any, frame_id: str) -> tuple[Field, Field, Field]:
+    """Return the fields of headers (n,) in one frame."""
+    return np.asarray(seq, "<u4"), time_field(stamps_ns), text_field(frame_id)
 
 
 WHEEL_FRAMES: Final = tuple(f"{wheel}_wheel" for wheel in WHEELS)
 JOINTS: Final = tuple(f"{wheel}_wheel_joint" for wheel in WHEELS)
 """Names of the wheels' joints, as in the URDF of ``fieldtruth gazebo``; a differential robot has the first two."""
+WORLD: Final = "world"
+_NO_COVARIANCE: Final = bytes(8 * 36)
 
 
-def command(k: int, commands: Commands) -> bytes:
-    """Serialise geometry_msgs/Twist: forward speed [m/s] and turn rate [rad/s] in base_link; it has no header."""
-    speed, turn_rate = map(float, commands.command[k])
-    message = Twist(Vector3(speed, 0.0, 0.0), Vector3(0.0, 0.0, turn_rate))
-    return serialize(message, "geometry_msgs/msg/Twist")
+def clocks(stamps_ns: Stamps) -> list[bytes]:
+    """Serialise rosgraph_msgs/Clock: the simulated time (n,) [ns]."""
+    return serialized(len(stamps_ns), time_field(stamps_ns))
+
+
+def commands(command: Array) -> list[bytes]:
+    """Serialise geometry_msgs/Twist: forward speed [m/s] and turn rate [rad/s] (n, 2) in base_link, without header."""
+    return serialized(len(command), command[:, 0], bytes(16), bytes(16), command[:, 1])
+
+
+def odometry(seq: Any, motion: Motion) -> list[bytes]:
+    """Serialise nav_msgs/Odometry of the rows of a motion: the pose in the world, the twist in base_link."""
+    base_from_world = np.swapaxes(transforms.rotation_from_quaternion_wxyz(motion.quaternion_wxyz), -1, -2)
+    velocities = (motion.linear_velocity, motion.angular_velocity)
+    twist = [(base_from_world @ velocity[..., None])[..., 0] for velocity in velocities]
+    return serialized(
+        len(motion.stamps_ns),
+        *header_fields(seq, motion.stamps_ns, WORLD),
+        text_field(BASE),
+        motion.position,
+        xyzw_from_wxyz(motion.quaternion_wxyz),
+        _NO_COVARIANCE,
+        *twist,
+        _NO_COVARIANCE,
+    )
 
 
 def wheel_transforms(rig: Rig, angles: Array) -> dict[str, Array]:
-    """Return base_from_wheel (4, 4) by frame for the angles (n,) [rad] of the wheels about their axles."""
-    mounts = rig.mounts()
+    """Return base_from_wheel (..., 4, 4) by frame for the angles (..., wheels) [rad] of the wheels."""
+    mounts, turned = rig.mounts(), np.zeros((*angles.shape, 3))
+    turned[..., 1] = np.rad2deg(angles)
     return {
-        name: mounts[name].base_from_sensor @ transforms.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
-        for name, angle in zip(WHEEL_FRAMES[: len(angles)], angles, strict=True)
+        name: mounts[name].base_from_sensor @ transforms.pose((0.0, 0.0, 0.0), turned[..., wheel, :])
+        for wheel, name in enumerate(WHEEL_FRAMES[: angles.shape[-1]])
     }
-
-
-WORLD: Final = "world"
-
-
-def clock(stamp_ns: int) -> bytes:
-    """Serialise rosgraph_msgs/Clock: the simulated time."""
-    return serialize(Clock(time(stamp_ns)), "rosgraph_msgs/msg/Clock")
 
 
 def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
@@ -160,39 +157,33 @@ def fixed_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
 
 def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], Array]) -> bytes:
     """Serialise tf2_msgs/TFMessage of all fixed transforms."""
-    stamped = [
-        transform_stamped(header(0, stamp_ns, parent), child, parent_from_child)
-        for (parent, child), parent_from_child in transforms.items()
-    ]
-    return serialize(TFMessage(stamped), "tf2_msgs/msg/TFMessage")
+    fields = (_transform_fields(0, stamp_ns, pair, pose) for pair, pose in transforms.items())
+    return serialized(1, *_list_of(fields))[0]
 
 
-def tf(seq: int, stamp_ns: int, state: State, wheels: Mapping[str, Array]) -> bytes:
-    """Serialise tf2_msgs/TFMessage of base_link in the world, and of the wheels: base_from_wheel (4, 4) by frame."""
-    transform = Transform(vector(state.position), quaternion(state.quaternion_wxyz))
-    stamped = [TransformStamped(header(seq, stamp_ns, WORLD), BASE, transform)]
-    head = header(seq, stamp_ns, BASE)
-    stamped += [transform_stamped(head, name, base_from_wheel) for name, base_from_wheel in wheels.items()]
-    return serialize(TFMessage(stamped), "tf2_msgs/msg/TFMessage")
+def tf(seq: Any, motion: Motion, wheels: Mapping[str, Array]) -> list[bytes]:
+    """Serialise tf2_msgs/TFMessage of base_link in the world, and of the wheels: base_from_wheel (n, 4, 4) by frame."""
+    stamps = motion.stamps_ns
+    base = *header_fields(seq, stamps, WORLD), text_field(BASE), motion.position, xyzw_from_wxyz(motion.quaternion_wxyz)
+    turning = [_transform_fields(seq, stamps, (BASE, name), poses) for name, poses in wheels.items()]
+    return serialized(len(stamps), *_list_of([base, *turning]))
 
 
-def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
-    """Serialise nav_msgs/Odometry: the pose in the world, the twist in base_link."""
-    base_from_world = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
-    linear, angular = base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity
-    twist = Twist(vector(linear), vector(angular))
-    pose = Pose(point(state.position), quaternion(state.quaternion_wxyz))
-    message = Odometry(
-        header(seq, stamp_ns, WORLD),
-        BASE,
-        PoseWithCovariance(pose, np.zeros(36)),
-        TwistWithCovariance(twist, np.zeros(36)),
-    )
-    return serialize(message, "nav_msgs/msg/Odometry")
+def _transform_fields(seq: Any, stamps_ns: Any, frames: tuple[str, str], parent_from_child: Array) -> tuple[Field, ...]:
+    """Return the fields of geometry_msgs/TransformStamped (n,) from a child to its parent."""
+    parent, child = frames
+    xyzw = xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(parent_from_child[..., :3, :3]))
+    return *header_fields(seq, stamps_ns, parent), text_field(child), parent_from_child[..., :3, 3], xyzw
+
+
+def _list_of(items: Iterable[tuple[Field, ...]]) -> list[Field]:
+    """Return the fields of a list: the number of its items, and theirs."""
+    fields = list(items)
+    return [struct.pack("<L", len(fields)), *(field for each in fields for field in each)]
 
 
 class ModelStatesWriter:
-    """Writes gazebo_msgs/ModelStates at the physics rate: only the robot moves, so 104 bytes of a template are patched.
+    """Writes gazebo_msgs/ModelStates, in which only the robot moves.
 
     Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest, or
     only the first ``rows``. The twist is that of base_link's origin in the world frame, as in Gazebo.
@@ -200,28 +191,26 @@ class ModelStatesWriter:
 
     def __init__(self, world: World, rows: int | None = None) -> None:
         names = [ROBOT, *world.object_names[1:]][:rows]
-        origin = Pose(Point(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
-        still = Twist(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0))
-        poses = [origin] * len(names)
+        poses = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(names), 1))
         for instance in world.instances:
             if instance.object_id < len(names):
                 poses[instance.object_id] = _pose(instance.world_from_object)
-        message = ModelStates(names, poses, [still] * len(names))
-        self.template = serialize(message, "gazebo_msgs/msg/ModelStates")
-        self._pose_at = 4 + sum(4 + len(name.encode()) for name in names) + 4
-        self._twist_at = self._pose_at + 56 * len(names) + 4
+        count, still = struct.pack("<L", len(names)), bytes(48 * (len(names) - 1))
+        self._before = count + b"".join(map(text_field, names)) + count
+        self._between, self._after = poses[1:].tobytes() + count, still
+        self.template = b"".join([self._before, poses[:1].tobytes(), self._between, bytes(48), still])
+        """The message with the robot at the origin."""
 
     def message(self, k: int, motion: Motion) -> bytes:
         """Serialise the message at row ``k`` of the motion."""
-        data = bytearray(self.template)
         w, x, y, z = motion.quaternion_wxyz[k]
-        struct.pack_into("<7d", data, self._pose_at, *motion.position[k], x, y, z, w)
-        struct.pack_into("<6d", data, self._twist_at, *motion.linear_velocity[k], *motion.angular_velocity[k])
-        return bytes(data)
+        pose = struct.pack("<7d", *motion.position[k], x, y, z, w)
+        twist = struct.pack("<6d", *motion.linear_velocity[k], *motion.angular_velocity[k])
+        return b"".join([self._before, pose, self._between, twist, self._after])
 
 
-def _pose(world_from_object: Array) -> Pose:
-    """Return the pose of an object, whose matrix may also scale."""
+def _pose(world_from_object: Array) -> Array:
+    """Return position and quaternion (x, y, z, w) of an object, whose matrix may also scale."""
     rotation = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
-    orientation = quaternion(transforms.quaternion_wxyz_from_rotation(rotation))
-    return Pose(point(world_from_object[:3, 3]), orientation)
+    xyzw = xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(rotation))
+    return np.concatenate([world_from_object[:3, 3], xyzw])

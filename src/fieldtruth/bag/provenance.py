@@ -61,6 +61,16 @@ def read_checksums(folder: Path) -> dict[str, str]:
     return found
 
 
+def fits_checksums(folder: Path, *names: str) -> bool:
+    """Return whether the SHA256SUMS of a folder has these files as they are.
+
+    Raises:
+        BagError: as ``read_checksums``.
+    """
+    found = read_checksums(folder)
+    return found.keys() >= {*names} and all(found[name] == sha256_of(folder / name) for name in names)
+
+
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a bag."""
 Maker = dict[str, str]

@@ -78,7 +78,7 @@ def recording(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, w
 
 def _only(stretches: Stretches, stream: Stream) -> Stream:
     rows = np.concatenate(stretches.rows(stream.stamps_ns))
-    return Stream(stream.topics, stream.stamps_ns[rows], lambda k, sensors: stream.messages(int(rows[k]), sensors))
+    return Stream(stream.topics, stream.stamps_ns[rows], lambda k, sensors: stream.messages(rows[k], sensors))
 
 
 def seconds_of(work: Callable[..., object], *given: object) -> Array:

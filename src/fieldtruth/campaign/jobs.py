@@ -18,7 +18,7 @@ from typing import Any, Final
 import fieldtruth
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.file import EXPERIMENT
-from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
+from fieldtruth.bag.provenance import fits_checksums, read_checksums
 from fieldtruth.bag.run import open_run
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.estimate import CACHED, Stages, end_with_parent
@@ -139,9 +139,8 @@ def _holds(folder: Path, experiment: Experiment) -> bool:
 
 def _is_sound(folder: Path, experiment: Experiment) -> bool:
     """Whether the bag is the one of SHA256SUMS."""
-    name = f"{experiment.name}.bag"
     try:
-        return (folder / CHECKSUMS).exists() and read_checksums(folder).get(name) == sha256_of(folder / name)
+        return fits_checksums(folder, f"{experiment.name}.bag")
     except FieldtruthError:
         return False
 

@@ -8,8 +8,6 @@ optical frames: x right, y down, z forward). Quaternions are (w, x, y, z) inside
 (x, y, z, w).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -17,20 +15,20 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array
 
 
-def pose(xyz: Sequence[float], rpy_deg: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-    """Make (4, 4) ``parent_from_child`` from the child's position [m] and roll, pitch, yaw about fixed axes [deg].
+def pose(xyz: ArrayLike, rpy_deg: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """Make ``parent_from_child``, (4, 4) or (n, 4, 4), from positions [m] and roll, pitch, yaw about fixed axes [deg].
 
     The order is the one of URDF and REP-103: first roll about x, then pitch about y, then yaw about z, all axes fixed.
     """
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix()
-    matrix[:3, 3] = xyz
-    return matrix
+    return _matrix(xyz, Rotation.from_euler("xyz", np.asarray(rpy_deg, np.float64), degrees=True).as_matrix())
 
 
 def pose_from_quaternion_wxyz(xyz: ArrayLike, quaternion_wxyz: ArrayLike) -> Array:
     """Make ``parent_from_child``, (..., 4, 4), from positions (..., 3) [m] and unit quaternions (..., 4)."""
-    rotation = rotation_from_quaternion_wxyz(quaternion_wxyz)
+    return _matrix(xyz, rotation_from_quaternion_wxyz(quaternion_wxyz))
+
+
+def _matrix(xyz: ArrayLike, rotation: Array) -> Array:
     matrix = np.zeros((*rotation.shape[:-2], 4, 4))
     matrix[..., :3, :3] = rotation
     matrix[..., :3, 3] = xyz

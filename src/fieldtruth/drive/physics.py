@@ -40,8 +40,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
-from fieldtruth.experiment.rig import Box as Box
-from fieldtruth.experiment.rig import Rig, chassis_box
+from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
 from fieldtruth.world.model import Collider, Heightfield, World
 
@@ -67,7 +66,7 @@ class Support(NamedTuple):
 
     geom: str
     body: str
-    hub: tuple[float, float, float]  # [m], in base_link
+    hub: Array  # (3,) [m], in base_link
     radius: float  # [m], loaded
     width: float  # [m]
     share: float  # of the robot's weight
@@ -79,16 +78,12 @@ class Support(NamedTuple):
 
 def supports(rig: Rig) -> tuple[Support, ...]:
     """Return the wheels by ``names``, then the caster: all that bears the robot."""
-    robot, wheels, mounts = rig.robot, rig.wheels, rig.mounts()
-    share = (1 - robot.caster_share) / len(wheels.names)
-    result = [
-        Support(f"{name}_wheel", name, mounts[f"{name}_wheel"].xyz, wheels.radius, wheels.width, share)
-        for name in wheels.names
-    ]
-    if (caster := robot.caster) is not None:
-        hub = (caster.x, 0.0, caster.radius - robot.ground_clearance)
-        result.append(Support("caster", "base_link", hub, caster.radius, caster.width, robot.caster_share))
-    return tuple(result)
+    caster, names = rig.robot.caster_share, rig.wheels.names
+    bodies = [*((f"{name}_wheel", name, (1 - caster) / len(names)) for name in names), ("caster", "base_link", caster)]
+    return tuple(
+        Support(geom, body, roller.centre, roller.radius, roller.width, share)
+        for (geom, body, share), roller in zip(bodies, rollers(rig), strict=False)
+    )
 
 
 def plane_geom(support_geom: str) -> str:
@@ -144,9 +139,8 @@ def add_robot(spec: Any, rig: Rig) -> None:
     robot = rig.robot
     base = spec.worldbody.add_body(name="base_link")
     base.add_freejoint()
-    base.mass = robot.mass - len(robot.wheels.names) * robot.wheels.mass
+    base.mass, base.inertia = robot.chassis_mass, robot.chassis_moments
     base.ipos = robot.chassis_centre
-    base.inertia = np.array(robot.chassis_inertia) * (base.mass / robot.chassis_inertia_mass)
     base.explicitinertial = True
     _add_outline(base, rig)
     for support in supports(rig):
@@ -196,7 +190,7 @@ def _add_outline(base: Any, rig: Rig) -> None:
         )
 
 
-def _add_wheel(spec: Any, base: Any, name: str, hub: Sequence[float], robot: RobotConfig) -> Any:
+def _add_wheel(spec: Any, base: Any, name: str, hub: Array, robot: RobotConfig) -> Any:
     """Add a wheel with its servo; return its body."""
     body, scale = base.add_body(name=name, pos=hub), servo_scale(robot)
     body.mass, body.inertia, body.explicitinertial = robot.wheels.mass, robot.wheels.inertia, True

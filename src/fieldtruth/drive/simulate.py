@@ -327,20 +327,6 @@ class SimulatedRobot:
         """Physics of the part of the world around the robot."""
         return self._following.here
 
-    def step(self, command: tuple[float, float], seconds: float) -> None:
-        """Drive on for some time [s], a multiple of 1 ms, towards a speed [m/s] and a turn rate [rad/s].
-
-        The robot accelerates within its limits; the same command again goes on with its ramp. The robot of a simulation
-        is moved by ``Simulation.step``, which calls this.
-
-        Raises:
-            DriveError: the robot tips over, touches an obstacle, drives into water or leaves the world.
-        """
-        if command != self.target:
-            self.head_for(Command(*command))
-        self.drive(round(seconds / STEP_S))
-        self._monitor.check(self.seconds, *self.pose, is_following=False)
-
     def advance(self, command: Command, count: int) -> Array:
         """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 13 + 2 wheels)."""
         self.head_for(command)

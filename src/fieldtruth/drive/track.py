@@ -46,6 +46,10 @@ class Motion:
         """The first ``count`` rows."""
         return rows_of(self, 0, count)
 
+    def at(self, rows: Counts) -> "Motion":
+        """Some of the rows."""
+        return Motion(**{name: values[rows] for name, values in vars(self).items()})
+
 
 @dataclass(frozen=True, kw_only=True)
 class WheelMotion:

@@ -8,8 +8,10 @@ base_link is in the middle of the underside of the chassis; a differential robot
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.catalogue import ROBOTS, with_robot_model
 from fieldtruth.experiment.fields import CLEARLY, Frozen, LocatedError, Mount, Number, Positive, shortened
 
@@ -148,6 +150,16 @@ class RobotConfig(Frozen):
         return (self.deck_height or self.outline[2]) - self.ground_clearance
 
     @property
+    def chassis_mass(self) -> float:
+        """Mass [kg] without the wheels."""
+        return self.mass - len(self.wheels.names) * self.wheels.mass
+
+    @property
+    def chassis_moments(self) -> Array:
+        """Principal moments of inertia (3,) [kg m^2] of the chassis with its mass."""
+        return np.array(self.chassis_inertia) * (self.chassis_mass / self.chassis_inertia_mass)
+
+    @property
     def corners(self) -> tuple[tuple[float, float], ...]:
         """Contact points x, y [m] in base_link: front left, front right, rear left, rear right.
 
@@ -163,5 +175,4 @@ class RobotConfig(Frozen):
         """Share of the weight on the caster."""
         if self.caster is None:
             return 0.0
-        chassis = self.mass - len(self.wheels.names) * self.wheels.mass
-        return self.chassis_centre[0] * chassis / self.mass / self.caster.x
+        return self.chassis_centre[0] * self.chassis_mass / self.mass / self.caster.x

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What beams meet: range, class and instance id as the ideal LiDAR finds them, how bright it looks, and echoes.
+"""Rays of a LiDAR: range, class and instance id of what its beams meet, how bright that looks, and echoes.
 
-See ``sensors.lidar.echoes`` for the rays that stand for a beam, and what of them merges.
+See ``sensors.lidar.sensing`` for the rays that stand for a beam, and how their echoes merge.
 """
 
 from typing import Any, Final, NamedTuple
@@ -11,20 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
-from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.kernels.packets import (
-    TERRAIN,
-    Grid,
-    HitTable,
-    LabelBuffers,
-    Packet,
-    classify,
-    hit_top,
-    read_grid,
-    set_ray,
-)
+from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, Packet, classify, hit_top, read_grid, set_ray
 
 _LANES, _WIDTH, _HEIGHT = packets.LANES, packets.LANES // 4, 4
 _OX, _OY, _OZ, _DX, _DY, _DZ = packets.ORG_X, packets.ORG_Y, packets.ORG_Z, packets.DIR_X, packets.DIR_Y, packets.DIR_Z
@@ -86,46 +75,25 @@ def aimed(poses: Array, k: int, share: float, beams: Beams, ring: int) -> tuple[
     )
 
 
-@inlined
-def aim_tile(packet: Packet, poses: Array, beams: Beams, first_column: int, first_ring: int) -> None:
-    """Set the rays of a tile of neighbouring columns and rings; what is beyond the last is not valid."""
-    ray, words, valid, _ = packet
-    directions, lag, _, max_range, _ = beams
-    columns, rings, _ = directions.shape
-    for lane in range(_LANES):
-        column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-        valid[lane] = -1 if column < columns and ring < rings else 0
-        column, ring = min(column, columns - 1), min(ring, rings - 1)
-        share = lag[ring]
-        dx, dy, dz = aimed(poses, column, share, beams, ring)
-        ray[_OX + lane] = entry(poses, column, share, 0, 3)
-        ray[_OY + lane] = entry(poses, column, share, 1, 3)
-        ray[_OZ + lane] = entry(poses, column, share, 2, 3)
-        ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
-        ray[_FAR + lane] = max_range
-        words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
-
-
 @kernel
-def collect_returns(directions: Array, out: LabelBuffers, found: Scan) -> None:
+def collect_returns(directions: Array, echoes: "EchoBuffers", found: Scan) -> None:
     """List the returns by column, then by ring; NumPy's indexing takes eight times as long (1.3 ms of a scan of 25)."""
-    labels, instances, distances = out.label, out.instance, out.depth
+    labels, instances, distances = echoes.label, echoes.instance, echoes.depth
     xyz, range_m, label, instance, rings, columns, _ = found
     k = 0
-    for column in range(distances.shape[0]):
-        for ring in range(distances.shape[1]):
-            distance = distances[column, ring]
+    for column in range(distances.shape[1]):
+        for ring in range(distances.shape[2]):
+            distance = distances[0, column, ring]
             if distance == 0.0:
                 continue
             for axis in range(3):
                 xyz[k, axis] = directions[column, ring, axis] * distance
-            range_m[k], label[k], instance[k] = distance, labels[column, ring], instances[column, ring]
+            range_m[k], label[k], instance[k] = distance, labels[0, column, ring], instances[0, column, ring]
             rings[k], columns[k] = ring, column
             k += 1
 
 
 _NX, _NY, _NZ = packets.NG_X, packets.NG_Y, packets.NG_Z
-_GROUND, _TRAIL = int(Label.GROUND), int(Label.TRAIL)
 
 
 class SurfaceTable(NamedTuple):
@@ -150,14 +118,6 @@ class EchoBuffers(NamedTuple):
     mixed: Mask  # whether surfaces of more than one class or object made it
     clear: Float32Array  # [m] up to which nothing is in the middle of the beam
     true_range: Float32Array  # [m] of what the middle of the beam meets, 0 if that returns nothing
-
-
-def only_ranges(out: LabelBuffers) -> EchoBuffers:
-    """Buffers for one echo of each beam, without its brightness, that share the arrays of label images."""
-    none = np.zeros((0, 0), np.float32)
-    return EchoBuffers(
-        out.label[None], out.instance[None], out.depth[None], none[None], np.zeros((0, 0, 0), np.bool_), none, out.depth
-    )
 
 
 @inlined
@@ -191,69 +151,15 @@ def cosine_of(rotations: Float32Array, ray: Float32Array, lane: int, top: int) -
 @inlined
 def surface_of(
     hits: HitTable, surfaces: SurfaceTable, top: int, primitive: int, x: float, y: float
-) -> tuple[int, int, float, float, float]:
-    """Class and instance id, as ``classify``, and the three columns of the reflectance of a hit at world x, y [m]."""
+) -> tuple[float, float, float]:
+    """Return the three columns of the reflectance of a hit at world x, y [m]."""
     if top == TERRAIN:
         inside = read_grid(hits.trail_distance, x, y)
         if inside >= 0.0:
-            return _GROUND, GROUND_ID, read_grid(surfaces.ground, x, y), 0.0, 1.0
-        value = surfaces.border if inside > -surfaces.border_width else surfaces.trail
-        return _TRAIL, GROUND_ID, value, 0.0, 1.0
-    face = hits.mesh_face[hits.top_mesh[top]] + primitive
-    row = surfaces.face_material[face]
-    material = surfaces.material
-    label, instance = np.int64(hits.face_label[face]), np.int64(hits.top_object[top])
-    return label, instance, material[row, 0], material[row, 1], material[row, 2]  # type: ignore[return-value]
-
-
-@kernel
-def trace_beams(
-    scene: np.uint64,
-    hits: HitTable,
-    surfaces: SurfaceTable | None,
-    packet: Packet,
-    poses: Array,
-    beams: Beams,
-    out: EchoBuffers,
-) -> None:
-    """Trace all rays in tiles of neighbouring columns and rings; the only echo of a beam is that of its middle.
-
-    Without ``surfaces`` only class, instance id and range are found. Ranges, labels and ids are the same to the
-    last bit. Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer.
-    """
-    label, instance, distance, apparent, _, clear, true_range = out
-    _, lag, min_range, max_range, returns = beams
-    ray, words, valid, arguments = packet
-    tops = hits.geometry_top
-    columns, rings = true_range.shape
-    for lane in range(_LANES):
-        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
-    for first_column in range(0, columns, _WIDTH):
-        for first_ring in range(0, rings, _HEIGHT):
-            aim_tile(packet, poses, beams, first_column, first_ring)
-            _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
-            for lane in range(_LANES):
-                if valid[lane] == 0:
-                    continue
-                column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-                distance[0, column, ring] = true_range[column, ring] = 0.0
-                top, range_m = hit_top(tops, words, lane), ray[_FAR + lane]
-                if surfaces is not None:
-                    clear[column, ring] = range_m
-                if top < 0 or range_m < min_range:
-                    continue
-                share = lag[ring]
-                dx, dy, _ = aimed(poses, column, share, beams, ring)
-                x = entry(poses, column, share, 0, 3) + range_m * dx
-                y = entry(poses, column, share, 1, 3) + range_m * dy
-                class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
-                if returns[class_id]:
-                    distance[0, column, ring] = true_range[column, ring] = range_m
-                    label[0, column, ring], instance[0, column, ring] = class_id, object_id
-                    if surfaces is not None:
-                        _, _, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
-                        cosine = cosine_of(surfaces.top_rotation, ray, lane, top)
-                        apparent[0, column, ring] = brightness(value, gloss, exponent, cosine)
+            return read_grid(surfaces.ground, x, y), 0.0, 1.0
+        return (surfaces.border if inside > -surfaces.border_width else surfaces.trail), 0.0, 1.0
+    row, material = surfaces.face_material[hits.mesh_face[hits.top_mesh[top]] + primitive], surfaces.material
+    return material[row, 0], material[row, 1], material[row, 2]  # type: ignore[return-value]
 
 
 class Receiver(NamedTuple):
@@ -285,12 +191,11 @@ class SubRays(NamedTuple):
     weight: Array  # (rays,) share of the power
     choice: int
     pulse_length: float  # [m]
-    number: NDArray[np.int64]  # (LANES * rays,) of the ray in its beam; see _slot; so are those below
-    origin: Array  # (LANES * rays, 3)
+    origin: Array  # (LANES * rays, 3); see _slot for the rows, which those below have, too
     direction: Array  # (LANES * rays, 3) in the world
     range_m: Array  # (LANES * rays,) 0 for none
     clear: Array  # (LANES * rays,) [m] up to which nothing is there
-    power: Array  # of a matt white surface at 1 m that faces the LiDAR: 1
+    power: Array  # of a matt white surface at 1 m that faces the LiDAR: 1; first of all its brightness
     label: NDArray[np.int64]
     instance: NDArray[np.int64]
     order: NDArray[np.int64]  # (rays,)
@@ -317,20 +222,21 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
         )
         dx, dy, dz = aimed(poses, column, share, beams, ring)
         a, b, c = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
+        origin[beam, 0], origin[beam, 1], origin[beam, 2] = x, y, z
+        direction[beam, 0], direction[beam, 1], direction[beam, 2] = dx, dy, dz
+        if count == 1:
+            continue
         flat = np.sqrt(a * a + b * b)
         e, f = (-b / flat, a / flat) if flat > 1e-9 else (0.0, 1.0)
         ex, ey, ez = _rotated(poses, column, share, e, f, 0.0)  # across
         ux, uy, uz = _rotated(poses, column, share, -c * f, c * e, a * f - b * e)  # up
-        for number in range(count):
+        for number in range(1, count):
             slot = _slot(beam, number, count)
+            across, up = offset[turn, number, 0], offset[turn, number, 1]
             origin[slot, 0], origin[slot, 1], origin[slot, 2] = x, y, z
-            if number == 0:
-                direction[slot, 0], direction[slot, 1], direction[slot, 2] = dx, dy, dz
-            else:
-                across, up = offset[turn, number, 0], offset[turn, number, 1]
-                direction[slot, 0] = (dx + across * ex + up * ux) * rays.scale
-                direction[slot, 1] = (dy + across * ey + up * uy) * rays.scale
-                direction[slot, 2] = (dz + across * ez + up * uz) * rays.scale
+            direction[slot, 0] = (dx + across * ex + up * ux) * rays.scale
+            direction[slot, 1] = (dy + across * ey + up * uy) * rays.scale
+            direction[slot, 2] = (dz + across * ez + up * uz) * rays.scale
 
 
 @inlined
@@ -345,7 +251,8 @@ def _rotated(poses: Array, column: int, share: float, a: float, b: float, c: flo
 @kernel
 def trace_echoes(
     scene: np.uint64,
-    tables: tuple[HitTable, SurfaceTable],
+    hits: HitTable,
+    surfaces: SurfaceTable | None,
     packets: tuple[Packet, Packet],
     poses: Array,
     beams: Beams,
@@ -355,8 +262,10 @@ def trace_echoes(
 ) -> None:
     """Trace the rays of all beams in tiles of neighbouring columns and rings, and make echoes of what they meet.
 
-    The middles of beams are traced in the packets of ``trace_beams``, so that their ranges are the same to the last
-    bit; other packets, of coherent rays, hold the other rays of a few neighbouring beams.
+    The middles of beams share packets, however many rays a beam has, so that their ranges are the same to the last bit;
+    other packets, of coherent rays, hold the other rays of a few neighbouring beams. Without ``surfaces`` a beam has
+    one ray, and only class, instance id and range are found. Arrays are indexed and never sliced: Numba counts the
+    references of each slice, which takes longer.
     """
     count = rays.weight.shape[0]
     columns, rings = out.true_range.shape
@@ -370,31 +279,34 @@ def trace_echoes(
                 column, ring = first_column + beam % _WIDTH, first_ring + beam // _WIDTH
                 packets[0].valid[beam] = -1 if column < columns and ring < rings else 0
             for first in range(0, _LANES * count, _LANES):
-                _trace(scene, tables, packets[min(first, 1)], beams, rays, first)
+                _trace(scene, hits, surfaces, packets[min(first, 1)], beams, rays, first)
             for beam in range(_LANES):
                 column, ring = first_column + beam % _WIDTH, first_ring + beam // _WIDTH
                 if column >= columns or ring >= rings:
                     continue
                 out.clear[column, ring] = rays.clear[beam]
-                if not _one_echo(rays, beam, column, ring, out):
-                    make_echoes(rays, beam, receiver, column, ring, out)
+                if count == 1:
+                    _write_middle(rays, beam, column, ring, out)
+                elif surfaces is not None:
+                    _weigh(rays, beam)
+                    if not _one_echo(rays, beam, column, ring, out):
+                        make_echoes(rays, beam, receiver, column, ring, out)
 
 
 @inlined
 def _trace(
     scene: np.uint64,
-    tables: tuple[HitTable, SurfaceTable],
+    hits: HitTable,
+    surfaces: SurfaceTable | None,
     packet: Packet,
     beams: Beams,
     rays: SubRays,
     first: int,
 ) -> None:
     """Trace the rays of a tile from row ``first`` on, as many as a packet has; what is not valid meets nothing."""
-    hits, surfaces = tables
     ray, words, valid, arguments = packet
-    origin, direction, weight, returns = rays.origin, rays.direction, rays.weight, beams.returns
+    origin, direction, tops, returns = rays.origin, rays.direction, hits.geometry_top, beams.returns
     range_m, power, label, instance = rays.range_m, rays.power, rays.label, rays.instance
-    tops, rotations = hits.geometry_top, surfaces.top_rotation
     for lane in range(_LANES):
         slot = first + lane
         ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = origin[slot, 0], origin[slot, 1], origin[slot, 2]
@@ -411,11 +323,29 @@ def _trace(
         if valid[lane] == 0 or top < 0 or distance < beams.min_range:
             continue
         x, y = origin[slot, 0] + distance * direction[slot, 0], origin[slot, 1] + distance * direction[slot, 1]
-        found, object_id, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
+        found, object_id = classify(hits, top, words[_PRIM + lane], x, y)
         if returns[found]:
-            bright = brightness(value, gloss, exponent, cosine_of(rotations, ray, lane, top))
             range_m[slot], label[slot], instance[slot] = distance, found, object_id
-            power[slot] = weight[rays.number[slot]] * bright / (distance * distance)
+            if surfaces is not None:
+                value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
+                power[slot] = brightness(value, gloss, exponent, cosine_of(surfaces.top_rotation, ray, lane, top))
+
+
+@inlined
+def _write_middle(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuffers) -> None:
+    """Write the echo of a beam that has one ray."""
+    out.depth[0, column, ring] = out.true_range[column, ring] = rays.range_m[beam]
+    out.apparent[0, column, ring] = rays.power[beam]
+    out.label[0, column, ring], out.instance[0, column, ring] = rays.label[beam], rays.instance[beam]
+
+
+@inlined
+def _weigh(rays: SubRays, beam: int) -> None:
+    """Turn how bright the surfaces look that the rays of a beam meet into power."""
+    count = rays.weight.shape[0]
+    for number in range(count):
+        slot = _slot(beam, number, count)
+        rays.power[slot] = rays.weight[number] * rays.power[slot] / (rays.range_m[slot] * rays.range_m[slot])
 
 
 @inlined

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a LiDAR measures of echoes: random draws of each ray, the receiver's noise, and weather in the beam.
+"""Measurements of a LiDAR from echoes: random draws of each ray, the receiver's noise, and weather in the beam.
 
-``sensors.lidar.noise`` and ``sense.air`` say what their tables mean.
+``sensors.lidar.sensing`` and ``sense.air`` say what their tables mean.
 """
 
 from typing import Any, Final, NamedTuple
@@ -56,7 +56,7 @@ def normals(key: np.uint64, ray: int, draw: int) -> tuple[float, float]:
 class Reading(NamedTuple):
     """The points of one revolution, ordered by column, ring and echo.
 
-    As ``sensors.lidar.sensing.Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the
+    As ``Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the
     beam as the ideal LiDAR has it, 0 if that meets nothing; ``signal`` [photon], 0 if every pulse returns;
     ``reflectivity`` the reflectance of a matt surface that faces the LiDAR at the measured range and has this signal;
     ``echo`` 0 for the nearest of a beam; ``mixed`` 1 if surfaces of more than one class or object made the echo.

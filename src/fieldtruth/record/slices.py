@@ -10,7 +10,7 @@ is joined to the recording as soon as it can be, and removed, so that no second 
 import threading
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
 from pathlib import Path
@@ -211,21 +211,26 @@ class Slices(SliceFolder):
         if not hasattr(self._worker, "sensors"):
             self._worker.sensors = self._make_sensors()
         with BagWriter(self.path(k), self.topics, self.seal(k)) as bag:
-            for stamp_ns, stream, reading in self._readings(k):
+            for stamp_ns, topics, messages in self._readings(k):
                 if self._stop.is_set():
                     raise _StoppedError
-                messages = stream.messages(reading, self._worker.sensors)
-                for topic, data in zip(stream.topics, messages, strict=True):
+                for topic, data in zip(topics, next(messages), strict=True):
                     bag.write(topic, stamp_ns, data)
         advance(self.seconds(k))
 
-    def _readings(self, k: int) -> Iterable[tuple[int, Stream, int]]:
-        """Stamp, stream and number of each reading of slice ``k``: in time order, ties in the streams' order."""
-        found: list[tuple[int, int, int]] = []
+    def _readings(self, k: int) -> Iterable[tuple[int, tuple[str, ...], Iterator[Iterable[bytes]]]]:
+        """Return stamp and topics of each reading of slice ``k``, in time order, ties in the streams' order.
+
+        With them the messages of the stream, of which those of the reading are the next.
+        """
+        found: list[tuple[int, int]] = []
+        made: dict[int, Iterator[Iterable[bytes]]] = {}
         for order, stream in enumerate(self.streams):
             first, last = np.searchsorted(stream.stamps_ns, [self._begin_ns(k), self._begin_ns(k + 1)], side="right")
-            found += [(int(stream.stamps_ns[i]), order, i) for i in range(int(first), int(last))]
-        return ((stamp, self.streams[order], i) for stamp, order, i in sorted(found))
+            if first < last:
+                made[order] = iter(stream.messages(np.arange(first, last), self._worker.sensors))
+                found += [(stamp, order) for stamp in stream.stamps_ns[first:last].tolist()]
+        return ((stamp, self.streams[order].topics, made[order]) for stamp, order in sorted(found))
 
 
 def _where(error: Exception) -> str:

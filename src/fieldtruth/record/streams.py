@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import messages, topics
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.random import rng_of
-from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate, state_at
+from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import ClockConfig, Output, SensorConfig
-from fieldtruth.sensors.kind import At, Movement, Sensor, SensorWorld, movement_of, stamps_of
+from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.world.model import World
 
@@ -60,7 +61,8 @@ class Stream(NamedTuple):
 
     topics: tuple[str, ...]
     stamps_ns: Stamps
-    messages: Callable[[int, Sensors], Iterable[bytes]]
+    messages: Callable[[Counts, Sensors], Iterable[Iterable[bytes]]]
+    """Makes the messages of readings, given by their numbers (n,), n > 0; each when it is asked for, or all at once."""
 
 
 def sensor_factory(sensor_world: SensorWorld, rig: Rig | None = None) -> Callable[[], Sensors]:
@@ -93,6 +95,11 @@ class Series:
         stamp, header = int(self.stamps_ns[number]), int(self.clock.shown_ns[number])
         return At(number, stamp, header, movement, following[0] if following else None)
 
+    def all_at(self, rows: Counts, movement: Movement) -> At:
+        """Return when and where several readings (n,) are taken."""
+        numbers = self.clock.kept[rows]
+        return At(numbers, self.stamps_ns[numbers], self.clock.shown_ns[numbers], movement)
+
 
 def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], seed: int) -> list[Series]:
     """Return the series of a sensor, one for each of its outputs.
@@ -124,13 +131,18 @@ def series_along(config: SensorConfig, rig: Rig, track: Track, seed: int) -> lis
 
 def stream_of(series: Series, movement: Movement) -> Stream:
     """Return the stream of a series along a movement."""
-    output = series.output
+    output, topics = series.output, tuple(topic.name for topic in series.output.topics)
 
-    def messages(k: int, sensors: Sensors) -> Iterable[bytes]:
-        at, sensor = series.at(k, movement), sensors[series.config.name]
-        return sensor.messages(output, at.number, sensor.read(output, at))
+    def messages(rows: Counts, sensors: Sensors) -> Iterable[Iterable[bytes]]:
+        sensor = sensors[series.config.name]
+        if isinstance(sensor, MotionSensor):
+            at = series.all_at(rows, movement)
+            made = iter(sensor.messages(output, at.number, sensor.read(output, at)))
+            return zip(*[made] * len(topics), strict=True)
+        each = (series.at(k, movement) for k in rows.tolist())
+        return (sensor.messages(output, at.number, sensor.read(output, at)) for at in each)
 
-    return Stream(tuple(topic.name for topic in output.topics), series.stamps_ns[series.clock.kept], messages)
+    return Stream(topics, series.stamps_ns[series.clock.kept], messages)
 
 
 def streams_of(
@@ -164,7 +176,13 @@ def streams_of(
 
 
 def _commands(commands: Commands) -> Stream:
-    return Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [messages.command(k, commands)])
+    rows = commands.command
+    return _small(topics.COMMANDS, commands.stamps_ns, lambda numbers: messages.commands(rows[numbers]))
+
+
+def _small(topic: str, stamps_ns: Stamps, make: Callable[[Counts], Iterable[bytes]]) -> Stream:
+    """Return the stream of messages that need no sensor, and are made many at once."""
+    return Stream((topic,), stamps_ns, lambda numbers, _: ((data,) for data in make(numbers)))
 
 
 def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool) -> list[Stream]:
@@ -175,19 +193,19 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     every_step = motion.stamps_ns
     rows = np.searchsorted(every_step, poses)
 
-    def tf(k: int, _: Sensors) -> list[bytes]:
-        wheels = {} if base is None else messages.wheel_transforms(rig, base.wheels.angle[rows[k]])
-        return [messages.tf(k, poses[k], state_at(motion, int(poses[k])), wheels)]
+    def tf(numbers: Counts) -> Iterable[bytes]:
+        at = rows[numbers]
+        wheels = {} if base is None else messages.wheel_transforms(rig, base.wheels.angle[at])
+        return messages.tf(numbers, motion.at(at), wheels)
+
+    def all_objects(writer: messages.ModelStatesWriter) -> Callable[[Counts], Iterable[bytes]]:
+        return lambda numbers: (writer.message(k, motion) for k in numbers.tolist())
 
     return [
-        Stream((topics.CLOCK,), every_step, lambda k, _: [messages.clock(every_step[k])]),
-        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [messages.tf_static(every_step[k], fixed)]),
-        *[Stream((topics.STATIC_MODEL_STATES,), every_step[:1], lambda k, _: [objects.message(k, motion)])] * latched,
-        Stream((topics.MODEL_STATES,), every_step, lambda k, _: [states.message(k, motion)]),
-        Stream(
-            (topics.ODOMETRY,),
-            poses,
-            lambda k, _: [messages.odometry(k, poses[k], state_at(motion, int(poses[k])))],
-        ),
-        Stream((topics.TF,), poses, tf),
+        _small(topics.CLOCK, every_step, lambda numbers: messages.clocks(every_step[numbers])),
+        _small(topics.TF_STATIC, every_step[:1], lambda _: [messages.tf_static(int(every_step[0]), fixed)]),
+        *[_small(topics.STATIC_MODEL_STATES, every_step[:1], all_objects(objects))] * latched,
+        _small(topics.MODEL_STATES, every_step, all_objects(states)),
+        _small(topics.ODOMETRY, poses, lambda numbers: messages.odometry(numbers, motion.at(rows[numbers]))),
+        _small(topics.TF, poses, tf),
     ]

@@ -141,11 +141,11 @@ def movement_of(track: Track) -> Movement:
 class At(NamedTuple):
     """When a reading is taken, and where."""
 
-    number: int
-    """Of the reading, from 0."""
-    stamp_ns: int
+    number: Any
+    """Of the reading, from 0: int, or (n,) of a series, as its stamps."""
+    stamp_ns: Any
     """True time [ns]."""
-    header_ns: int
+    header_ns: Any
     """Time [ns] that the sensor's clock shows."""
     movement: Movement
     next_ns: int | None = None
@@ -187,7 +187,7 @@ class Sensor(ABC):
         return truth
 
     @abstractmethod
-    def messages(self, output: Output, number: int, reading: Any) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: Any) -> Iterable[bytes]:
         """Serialise a reading: a message for each topic of the output."""
 
     def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:
@@ -211,7 +211,8 @@ class MotionSensor(Sensor):
     """A sensor that measures the robot's own motion. Its noise has a memory, so its readings are made in their order.
 
     It reads at steps of the physics; ``sees`` of its configuration is false. Readings depend neither on what follows
-    them, nor on how a motion is cut into calls of ``extend``.
+    them, nor on how a motion is cut into calls of ``extend``. Some come at 1000 Hz, so ``reading`` and ``messages``
+    take n at once: numbers and stamps are then (n,), and messages are in the order of the readings, then of the topics.
     """
 
     @abstractmethod
@@ -227,7 +228,7 @@ class MotionSensor(Sensor):
 
     @abstractmethod
     def reading(self, output: Output, at: At, series: Any) -> Any:
-        """Return reading ``at.number`` of those that one call of ``extend`` has returned."""
+        """Return reading ``at.number``, or a series, of those that one call of ``extend`` has returned."""
 
     def series(self, movement: Movement) -> tuple[Any, Any]:
         """Return all ideal and all measured readings along a drive; made once."""

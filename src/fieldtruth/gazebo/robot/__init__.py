@@ -58,7 +58,6 @@ def _sensors(rig: Rig) -> str:
 
 def _values(rig: Rig) -> dict[str, Any]:
     mounts = rig.mounts()
-    chassis_mass = rig.robot.mass - 4 * rig.wheels.mass
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
@@ -80,8 +79,8 @@ def _values(rig: Rig) -> dict[str, Any]:
         "black": parts.BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
-        "chassis_mass": chassis_mass,
-        "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
+        "chassis_mass": rig.robot.chassis_mass,
+        "inertia": parts.chassis_inertia(rig.robot),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
         "wheel_inertia": parts.wheel_inertia(rig.robot),

@@ -25,9 +25,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial
 from fieldtruth.drive import physics
-from fieldtruth.drive.physics import Box, body_boxes
+from fieldtruth.drive.physics import body_boxes
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Box, Rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
@@ -176,10 +176,9 @@ def wheel_inertia(figures: RobotConfig) -> Array:
     return np.array([across, axle, across])
 
 
-def chassis_inertia(figures: RobotConfig, mass: float) -> Array:
-    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], less what ``wheel_inertia`` adds."""
-    inertia = np.array(figures.chassis_inertia) * (mass / figures.chassis_inertia_mass)
-    return inertia - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
+def chassis_inertia(figures: RobotConfig) -> Array:
+    """Principal moments (3,) [kg m^2] of the chassis, less what ``wheel_inertia`` adds."""
+    return figures.chassis_moments - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
 
 
 def _frame(name: str, parent: str, mount: Mount) -> Frame:

@@ -164,7 +164,6 @@ def urdf_text(rig: Rig) -> str:
     Frames of sensors are fixed; the wheels turn about continuous joints and have inertias.
     """
     robot = rig.robot
-    mass = robot.mass - len(rig.wheels.names) * rig.wheels.mass
     joints = [
         (*names, pose[:3, 3], np.radians(transforms.rpy_deg_from_rotation(pose[:3, :3])))
         for names, pose in rig_transforms(rig).items()
@@ -182,8 +181,8 @@ def urdf_text(rig: Rig) -> str:
         rig=rig,
         base=BASE,
         chassis=chassis_box(rig),
-        mass=mass,
-        moments=np.array(robot.chassis_inertia) * (mass / robot.chassis_inertia_mass),
+        mass=robot.chassis_mass,
+        moments=robot.chassis_moments,
         rollers=rollers(rig),
         wheels={wheel.frame: wheel for wheel in wheel_cylinders(rig)},
         joints=joints,

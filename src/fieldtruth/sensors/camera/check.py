@@ -33,8 +33,8 @@ from fieldtruth.sensors.camera.check_geometry import (
 )
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.camera.sensor import photograph_jpeg
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler

@@ -38,7 +38,7 @@ from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
+from fieldtruth.sensors.camera.sensor import camera_matrix, distortion, projection_matrix
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at

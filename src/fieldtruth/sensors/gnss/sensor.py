@@ -1,18 +1,41 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The GNSS receiver as a kind of sensor."""
+"""The GNSS receiver as a kind of sensor, and its message, NavSatFix.
 
+Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a filter must be given its own.
+"""
+
+import struct
 from collections.abc import Iterable
+from typing import Any, Final
 
 import numpy as np
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.readings import Fix
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.sensors.gnss import message
-from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.config import SERVICE, GnssConfig
 from fieldtruth.sensors.gnss.sensing import GnssErrors, GnssFixes, GnssReadings, GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
+
+FIX: Final = int(NavSatStatus.STATUS_FIX)
+
+
+def navsat(k: Any, reading: Fix, service: int = SERVICE["gps"]) -> list[bytes]:
+    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
+    count, known = np.size(k), reading.covariance.any(axis=(-2, -1))
+    return ros.serialized(
+        count,
+        *ros.header_fields(k, reading.header_ns, reading.frame),
+        np.asarray(reading.status, np.int8),
+        struct.pack("<H", service),
+        reading.geodetic,
+        reading.covariance,
+        np.where(known, NavSatFix.COVARIANCE_TYPE_KNOWN, NavSatFix.COVARIANCE_TYPE_UNKNOWN).astype(np.uint8),
+    )
 
 
 class Gnss(MotionSensor):
@@ -34,22 +57,23 @@ class Gnss(MotionSensor):
         return true, true if errors is None else errors.extend(true, scene)
 
     def reading(self, output: Output, at: At, series: GnssReadings) -> Fix:
-        """Return one position: the true one, or the measured one."""
+        """Return true or measured positions."""
         k, fixes = at.number, series.fixes
         stamps = {**at.stamps, "frame": self.config.frame}
         if fixes is None:
-            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
-        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
+            covariance, status = np.zeros((*np.shape(k), 3, 3)), np.full(np.shape(k), FIX)[()]
+            return Fix(**stamps, geodetic=series.geodetic[k], covariance=covariance, status=status)
+        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=fixes.status[k])
 
     def facts(self, movement: Movement) -> list[str]:
         """State what the receiver has measured, unless it is ideal."""
         fixes = self.series(movement)[1].fixes
         return [] if fixes is None else [_line(self.config.name, fixes)]
 
-    def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:
+    def messages(self, output: Output, number: Any, reading: Fix) -> Iterable[bytes]:
         """Serialise sensor_msgs/NavSatFix."""
         signal = None if output.ideal else self.config.signal
-        return [message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)]
+        return navsat(number, reading) if signal is None else navsat(number, reading, signal.service)
 
 
 def _line(name: str, fixes: GnssFixes) -> str:

@@ -26,8 +26,8 @@ from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
-from fieldtruth.sensors.lidar.message import point_type
 from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, limit_of, ray_directions, ray_times_ns, sweep_times_ns
+from fieldtruth.sensors.lidar.sensor import point_type
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass

@@ -34,16 +34,15 @@ How bright the ground below snow looks to a LiDAR; on what stands there, snow do
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from importlib.resources import files
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.core.random import rng_of
-from fieldtruth.core.yaml_io import parse_mapping
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder
 from fieldtruth.kernels.lidar import (
@@ -55,12 +54,10 @@ from fieldtruth.kernels.lidar import (
     SubRays,
     SurfaceTable,
     collect_returns,
-    only_ranges,
-    trace_beams,
     trace_echoes,
 )
 from fieldtruth.kernels.lidar_noise import Reading, add_weather, measure
-from fieldtruth.kernels.packets import LANES, Grid, LabelBuffers, new_packet
+from fieldtruth.kernels.packets import LANES, Grid, new_packet
 from fieldtruth.sense.air import LIGHT_SPEED, Beam, make_air
 from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene, grid_of
@@ -148,102 +145,8 @@ def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
 
 
 def _new_scan(count: int) -> Scan:
-    return Scan(
-        xyz=np.empty((count, 3), np.float32),
-        range_m=np.empty(count, np.float32),
-        label=np.empty(count, np.uint8),
-        instance=np.empty(count, np.uint32),
-        ring=np.empty(count, np.uint16),
-        column=np.empty(count, np.uint16),
-        t_ns=np.zeros(count, np.uint32),
-    )
-
-
-class IdealLidar:
-    """An ideal LiDAR in a scene, whatever its configuration's signal. Use one per thread: each owns its buffers.
-
-    The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
-    nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
-    the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
-    ``robot`` is what it sees of the robot that carries it (``experiment.rig.visible_parts``).
-    """
-
-    def __init__(self, config: LidarConfig, scene: Scene, robot: Sequence[Box | Cylinder] = ()) -> None:
-        self.config = config
-        self.scene = scene
-        self._times_ns = ray_times_ns(config)
-        returns = np.ones(256, np.bool_)
-        returns[[int(label) for label in NO_RETURN]] = False
-        lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
-        self._beams = Beams(ray_directions(config), lag, config.min_range, config.max_range, returns)
-        self._packet = new_packet(coherent=False)  # 12 % faster in the park, as fast in the forest
-        shape = (config.columns, config.rings)
-        self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
-        self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
-
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Scan:
-        """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
-
-        With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
-        frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
-        begins have a pose between its pose and the next one, interpolated linearly. The stamp matters to a LiDAR with
-        a ``pattern`` only, and the number of the scan to one with a signal.
-
-        Raises:
-            ValueError: another number of poses.
-        """
-        poses, moving = self._poses(world_from_lidar, stamp_ns)
-        scene, out = self.scene, only_ranges(self._out)
-        trace_beams(scene.rays.handle, scene.hits, None, self._packet, poses, self._beams, out)
-        if self._robot is not None:
-            seen = self._robot_before(self._robot, poses)
-            rows = self._robot.column[seen], self._robot.ring[seen]
-            self._out.depth[rows] = self._returned(self._robot.range_m[seen])
-            self._out.label[rows], self._out.instance[rows] = int(Label.ROBOT), ROBOT_ID
-        found = _new_scan(int(np.count_nonzero(self._out.depth)))
-        collect_returns(self._beams.directions, self._out, found)
-        if moving:
-            found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found
-
-    def _poses(self, world_from_lidar: Array, stamp_ns: int) -> tuple[Array, bool]:
-        """Return the poses (columns + 1, 4, 4) of a scan and whether the sensor moves, and aim the beams.
-
-        Raises:
-            ValueError: another number of poses.
-        """
-        config = self.config
-        if config.pattern is not None:
-            self._beams = self._beams._replace(directions=ray_directions(config, stamp_ns))
-        moving = world_from_lidar.ndim == 3
-        if moving and len(world_from_lidar) != config.columns + 1:
-            raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
-        poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
-        return poses, moving
-
-    def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
-        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
-        if self.config.pattern is not None:
-            robot.aim(self._beams.directions)
-        column, ring, range_m = robot.column, robot.ring, robot.range_m
-        if not len(column):
-            return np.zeros(0, np.bool_)
-        own = poses[column] + self._beams.lag[ring][:, None, None] * (poses[column + 1] - poses[column])
-        rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
-        beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
-        before = LabelBuffers(
-            np.zeros((len(column), 1), np.uint8),
-            np.zeros((len(column), 1), np.uint32),
-            np.zeros((len(column), 1), np.float32),
-        )
-        scene, out = self.scene, only_ranges(before)
-        trace_beams(scene.rays.handle, scene.hits, None, self._packet, own, beams, out)
-        world_m = before.depth[:, 0]
-        return np.asarray((world_m == 0.0) | (range_m < world_m))
-
-    def _returned(self, range_m: Float32Array) -> Float32Array:
-        """Ranges (n,) of the robot, 0 where it is too near for a return."""
-        return np.where(range_m < self.config.min_range, np.float32(0.0), range_m)
+    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32)
+    return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
 
 
 SNOW: Final = 0.85
@@ -280,9 +183,6 @@ def _nodes(raster: Raster) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float
     return list(np.meshgrid(*axes, indexing="ij"))
 
 
-FILE: Final = "reflectance.yaml"
-
-
 class Reflectance(NamedTuple):
     """Share of the light that a surface reflects, and how much of that in a lobe about the mirrored direction."""
 
@@ -295,13 +195,12 @@ class Reflectance(NamedTuple):
 
 @cache
 def _table() -> dict[str, dict[str, Reflectance]]:
-    text = (files("fieldtruth.sensors.lidar") / FILE).read_text(encoding="utf-8")
     return {
         section: {
             name: Reflectance(*(float(entry[key]) for key in ("value", "gloss", "exponent") if key in entry))
             for name, entry in entries.items()
         }
-        for section, entries in parse_mapping(text, FILE).items()
+        for section, entries in package_data("fieldtruth.sensors.lidar", "reflectance.yaml").items()
     }
 
 
@@ -420,21 +319,20 @@ class WeatherInAir:
 
 
 def sub_rays_of(signal: LidarSignal) -> SubRays:
-    """Rays of a beam of a signal with at least three of them."""
+    """Rays of a beam of a signal: one, or at least three of them."""
     count = signal.sub_rays
     radius = 2.0 * np.radians(signal.divergence_deg) / np.sqrt(8.0 * np.log(2.0))
     ring = np.arange(count - 1) + np.arange(TURNS)[:, None] / TURNS  # (TURNS, count - 1) of its spacing
-    angle = 2.0 * np.pi * ring / (count - 1)
+    angle = 2.0 * np.pi * ring / max(count - 1, 1)
     offset = np.zeros((TURNS, count, 2))
     offset[:, 1:] = radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     memory = LANES * count
     return SubRays(
         offset=offset,
         scale=float(1.0 / np.sqrt(1.0 + radius**2)),
-        weight=np.array([0.5, *(count - 1) * (0.5 / (count - 1),)]),
+        weight=np.array([0.5, *(count - 1) * (0.5 / (count - 1),)] if count > 1 else [1.0]),
         choice=("strongest", "last", "two").index(signal.returns),
         pulse_length=signal.pulse_length,
-        number=np.array([0] * LANES + [*range(1, count)] * LANES),
         origin=np.zeros((memory, 3)),
         direction=np.zeros((memory, 3)),
         range_m=np.zeros(memory),
@@ -461,6 +359,99 @@ class Traced(NamedTuple):
 
     poses: Array
     moving: bool
+
+
+class IdealLidar:
+    """An ideal LiDAR in a scene, whatever its configuration's signal. Use one per thread: each owns its buffers.
+
+    The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
+    nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
+    the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
+    ``robot`` is what it sees of the robot that carries it (``experiment.rig.visible_parts``).
+    """
+
+    def __init__(self, config: LidarConfig, scene: Scene, robot: Sequence[Box | Cylinder] = ()) -> None:
+        self.config = config
+        self.scene = scene
+        self._times_ns = ray_times_ns(config)
+        returns = np.ones(256, np.bool_)
+        returns[[int(label) for label in NO_RETURN]] = False
+        lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
+        self._beams = Beams(ray_directions(config), lag, config.min_range, config.max_range, returns)
+        # Incoherent: 12 % faster in the park, as fast in the forest. Other rays of one beam are coherent.
+        self._packets = new_packet(coherent=False), new_packet(coherent=True)
+        self._receiver, self._rays = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
+        self._surfaces: SurfaceTable | None = None
+        self._echoes = echo_buffers(1, config.columns, config.rings)
+        self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
+
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Scan:
+        """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
+
+        With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
+        frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
+        begins have a pose between its pose and the next one, interpolated linearly. The stamp matters to a LiDAR with
+        a ``pattern`` only, and the number of the scan to one with a signal.
+
+        Raises:
+            ValueError: another number of poses.
+        """
+        traced = self.trace(world_from_lidar, stamp_ns)
+        found = _new_scan(int(np.count_nonzero(self._echoes.depth)))
+        collect_returns(self._beams.directions, self._echoes, found)
+        if traced.moving:
+            found.t_ns[:] = self._times_ns[found.column, found.ring]
+        return found
+
+    def trace(self, world_from_lidar: Array, stamp_ns: int) -> Traced:
+        """Fill the buffers of echoes from poses, as ``scan`` takes them.
+
+        Raises:
+            ValueError: another number of poses.
+        """
+        config = self.config
+        if config.pattern is not None:
+            self._beams = self._beams._replace(directions=ray_directions(config, stamp_ns))
+        moving = world_from_lidar.ndim == 3
+        if moving and len(world_from_lidar) != config.columns + 1:
+            raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
+        poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
+        self._trace(self._surfaces, poses, self._beams, self._rays, self._echoes)
+        if self._robot is not None:
+            self._echo_of_robot(self._robot, poses)
+        return Traced(poses, moving)
+
+    def _trace(
+        self, surfaces: SurfaceTable | None, poses: Array, beams: Beams, rays: SubRays, out: EchoBuffers
+    ) -> None:
+        handle, hits = self.scene.rays.handle, self.scene.hits
+        trace_echoes(handle, hits, surfaces, self._packets, poses, beams, self._receiver, rays, out)
+
+    def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
+        """Put the robot's echoes instead of those of what it hides; what is too near makes none."""
+        seen, echoes = self._robot_before(robot, poses), self._echoes
+        beam = slice(None), robot.column[seen], robot.ring[seen]
+        echoes.depth[beam], echoes.mixed[beam] = 0.0, False
+        first, range_m = (0, *beam[1:]), robot.range_m[seen]
+        range_m = np.where(range_m < self.config.min_range, np.float32(0.0), range_m)
+        echoes.depth[first] = echoes.true_range[beam[1:]] = range_m
+        echoes.label[first], echoes.instance[first] = int(Label.ROBOT), ROBOT_ID
+        echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
+
+    def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
+        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
+        if self.config.pattern is not None:
+            robot.aim(self._beams.directions)
+        column, ring, range_m = robot.column, robot.ring, robot.range_m
+        if not len(column):
+            return np.zeros(0, np.bool_)
+        own = poses[column] + self._beams.lag[ring][:, None, None] * (poses[column + 1] - poses[column])
+        rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
+        beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
+        before = echo_buffers(1, len(column), 1)
+        self._trace(None, own, beams, sub_rays_of(LidarSignal()), before)
+        world_m = before.depth[0, :, 0]
+        return np.asarray((world_m == 0.0) | (range_m < world_m))
 
 
 class Lidar(IdealLidar):
@@ -496,11 +487,9 @@ class Lidar(IdealLidar):
             return
         if in_air is None and weather is not None and not weather.is_clear:
             in_air = WeatherInAir(config, weather, float(scene.world.terrain.surface.heights.min()))
-        self._receiver, self._in_air = receiver_of(signal), in_air
+        self._in_air = in_air
         self._seed = scene.world.seed if seed is None else seed
-        self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
-        self._coherent = new_packet(coherent=True)
-        self._tables = scene.hits, surface_table(scene)
+        self._receiver, self._rays, self._surfaces = receiver_of(signal), sub_rays_of(signal), surface_table(scene)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
 
@@ -533,28 +522,6 @@ class Lidar(IdealLidar):
         """Echoes before what the air and the receiver make of them; overwritten by the next scan."""
         self.trace(world_from_lidar, stamp_ns)
         return self._echoes
-
-    def trace(self, world_from_lidar: Array, stamp_ns: int) -> Traced:
-        """Fill the buffers of echoes from poses, as ``scan`` takes them; of a LiDAR with a signal."""
-        poses, moving = self._poses(world_from_lidar, stamp_ns)
-        rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
-        if self._sub_rays is None:
-            trace_beams(rays, *tables, self._packet, poses, self._beams, self._echoes)
-        else:
-            trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
-        if self._robot is not None:
-            self._echo_of_robot(self._robot, poses)
-        return Traced(poses, moving)
-
-    def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
-        """Put the robot's echoes instead of those of what it hides."""
-        seen, echoes = self._robot_before(robot, poses), self._echoes
-        beam = slice(None), robot.column[seen], robot.ring[seen]
-        echoes.depth[beam], echoes.mixed[beam] = 0.0, False
-        first = 0, *beam[1:]
-        echoes.depth[first] = echoes.true_range[beam[1:]] = self._returned(robot.range_m[seen])
-        echoes.label[first], echoes.instance[first] = int(Label.ROBOT), ROBOT_ID
-        echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _key(self, number: int) -> np.uint64:
         """Key of what a scan draws: it depends on the seed, the LiDAR's name and the scan's number."""

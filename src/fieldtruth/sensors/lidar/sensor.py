@@ -1,9 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The LiDAR as a kind of sensor."""
+"""The LiDAR as a kind of sensor, and its message, PointCloud2."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
+
+from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.sensor_config import Output
@@ -11,8 +18,102 @@ from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import MEASURED, point_cloud
 from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
+
+_XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
+_RING: Final = [("ring", "<u2")]
+_MAKERS: Final = {
+    "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
+    "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
+}
+"""Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
+MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
+"""Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_DATATYPES: Final = {
+    "<f4": PointField.FLOAT32,
+    "<f8": PointField.FLOAT64,
+    "<u4": PointField.UINT32,
+    "<u2": PointField.UINT16,
+    "|u1": PointField.UINT8,
+}
+
+
+def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
+    """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
+
+    That of a LiDAR that spins has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none:
+    programs scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32
+    bits. ``time_field`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``point_fields``
+    are those of the maker's driver; PCL reads a field only if name and type are those that a program declares. A LiDAR
+    with a signal has more fields.
+    """
+    clock, maker = config.time_field, config.point_fields
+    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if config.spinning else []
+    ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
+    own = _MAKERS[maker] if maker else _RING
+    measured = [] if config.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
+    return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
+
+
+def point_cloud(
+    seq: int, stamp_ns: int, scan: Scan | Reading | Cloud, config: LidarConfig, *, wide_ids: bool = False
+) -> bytes:
+    """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
+
+    The scan of a LiDAR with a signal has ``true_range``, ``signal``, ``reflectivity``, ``echo`` and ``mixed``, which
+    become fields. An Ouster's ``reflectivity`` is that in percent, at most 255, or without a signal the label; its
+    ``range`` [mm] is that of the point, and its ``ambient`` zero. A Livox's ``line`` is the ring, its ``timestamp``
+    [ns] the time of the ray, and its ``tag`` zero: a sure return. An organised cloud has a row for each ring, NaN as
+    coordinates of rays without a return, and zero in their other fields but ring and column.
+    """
+    measured: Mapping[str, NDArray[Any]] = {}
+    if config.signal is not None:
+        measured = scan.others if isinstance(scan, Cloud) else {name: getattr(scan, name) for name in MEASURED}
+    t_ns = np.zeros(len(scan.xyz), np.int64) if scan.t_ns is None else scan.t_ns.astype(np.int64)
+    kind, clock, maker = point_type(config, wide_ids=wide_ids), config.time_field, config.point_fields
+    points = np.zeros(len(scan.xyz), kind)
+    points["x"], points["y"], points["z"] = scan.xyz.T
+    points["intensity"] = measured["reflectivity"] if config.intensity == "reflectivity" else scan.label
+    for name, values in measured.items():
+        points[name] = values
+    if config.spinning:
+        points["t"] = t_ns
+    if config.spinning and clock:
+        points[clock] = (t_ns + (stamp_ns if clock == "timestamp" else 0)) / 1e9
+    points["ring"], points["column"] = scan.ring, scan.column
+    points["label"], points["instance"] = scan.label, scan.instance
+    if maker == "ouster":
+        points["reflectivity"] = np.minimum(np.rint(100.0 * measured["reflectivity"]), 255) if measured else scan.label
+        points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
+    if maker == "livox":
+        points["line"], points["timestamp"] = scan.ring, stamp_ns + t_ns
+    rows = _organised(points, config) if config.organised else points[None]
+    message = PointCloud2(
+        ros.header(seq, stamp_ns, config.frame),
+        height=rows.shape[0],
+        width=rows.shape[1],
+        fields=[
+            PointField(name, offset, _DATATYPES[base.str], 1)
+            for name, (base, offset, *_) in (kind.fields or {}).items()
+        ],
+        is_bigendian=False,
+        point_step=kind.itemsize,
+        row_step=rows.shape[1] * kind.itemsize,
+        data=rows.reshape(-1).view(np.uint8),
+        is_dense=not config.organised,
+    )
+    return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
+
+
+def _organised(points: NDArray[np.void], config: LidarConfig) -> NDArray[np.void]:
+    """Spread points over all rays, (rings, columns)."""
+    spread = np.zeros((config.rings, config.columns), points.dtype)
+    for axis in "xyz":
+        spread[axis] = np.nan
+    spread["ring"], spread["column"] = np.arange(config.rings)[:, None], np.arange(config.columns)
+    spread[points["ring"], points["column"]] = points
+    return spread
 
 
 class LidarSensor(Sensor):
