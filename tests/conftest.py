@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import pytest
 from filelock import FileLock
@@ -29,7 +29,9 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
-from fieldtruth.world.build import load_world, world_of
+from fieldtruth.validation.tracer import ReferenceTracer
+from fieldtruth.world.build import load_world
+from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -38,6 +40,8 @@ if TYPE_CHECKING:
 
 _LEAN_NS: Final = 520_000_000
 Once = Callable[[str, Callable[[Path], object]], Path]
+_T = TypeVar("_T")
+_FULL: Final = daylight.DOME_TEXELS
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -129,41 +133,67 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return rewritten(small_run, tmp_path_factory.mktemp("lean_run"), change, shorter)
 
 
+class Kept:
+    """Worlds with what is made of them, each made once in a process. To load and to light a park takes seconds."""
+
+    def __init__(self) -> None:
+        self._made = dict[Any, Any]()
+
+    def load_world(self, environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
+        return self._once((environment, seed, repr(layout or {})), load_world, environment, seed, layout)
+
+    def world_of(self, e: Experiment) -> World:
+        return self.load_world(e.environment, e.seed, e.layout)
+
+    def scene(self, world: World) -> Scene:
+        return self._once(("scene", id(world)), Scene, world)
+
+    def tracer(self, world: World) -> ReferenceTracer:
+        return self._once(("tracer", id(world)), ReferenceTracer, world)
+
+    def bake(
+        self, scene: Scene, light: LightConfig | None = None, weather: WeatherConfig | None = None, **_: Any
+    ) -> BakedScene:
+        """The light of a scene; built-in worlds have skies of the full size, as in other processes."""
+        texels = _FULL if scene.world.size == BUILT_IN else daylight.DOME_TEXELS
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(daylight, "DOME_TEXELS", texels)
+            key = id(scene), light or LightConfig(), weather or WeatherConfig(), texels
+            return self._once(key, bake, scene, light, weather)
+
+    def _once(self, key: Any, make: Callable[..., _T], *given: Any) -> _T:
+        if key not in self._made:
+            self._made[key] = make(*given), given  # which are kept, so that nothing else gets their ids
+        return cast(_T, self._made[key][0])
+
+
 @pytest.fixture(scope="session")
-def park() -> SensorWorld:
+def kept() -> Kept:
+    """Worlds, scenes, light and second tracers, each made once."""
+    return Kept()
+
+
+@pytest.fixture(scope="session")
+def park(kept: Kept) -> SensorWorld:
     """World, scene and light of park_1."""
     made = _small_experiment()
-    found = SensorWorld(world_of(made), made.rig, made.light, made.weather, seed=made.seed)
-    assert found.baked  # before a test changes how light is made
-    return found
+    world = kept.world_of(made)
+    lit = kept.bake(kept.scene(world), made.light, made.weather)
+    return SensorWorld(world, made.rig, made.light, made.weather, baked=lit, seed=made.seed)
 
 
 @pytest.fixture(scope="module")
-def in_park(park: SensorWorld) -> Iterator[None]:
-    """All that is in park_1's world uses it with its scene and light as they are built; to load them takes seconds."""
-
-    def world_for(e: Experiment) -> World:
-        return world_named(e.environment, e.seed, e.layout)
-
-    def world_named(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
-        same = (environment, seed, layout or {}) == ("park", 0, {})
-        return park.world if same else load_world(environment, seed, layout)
-
-    def scene(world: World) -> Scene:
-        return park.scene if world is park.world else Scene(world)
-
-    def baked(scene: Scene, light: LightConfig, weather: WeatherConfig | None = None) -> BakedScene:
-        same = scene is park.scene and light == park.light and (weather is None or weather.is_clear)
-        return park.baked if same else bake(scene, light, weather)
-
+def in_park(kept: Kept) -> Iterator[None]:
+    """Runs in the full park, in the small one and in others use worlds, scenes and light that were made before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fieldtruth.annotation.load_world", world_named)
+        patch.setattr("fieldtruth.annotation.load_world", kept.load_world)
+        patch.setattr("fieldtruth.validation.rays.ReferenceTracer", kept.tracer)
         for module in ("simulation.stepped", "validation.world", "exporters.amodal", "report.page.map"):
-            patch.setattr(f"fieldtruth.{module}.world_of", world_for)
-        for module in ("sensors.kind", "validation.world", "report.page.map"):
-            patch.setattr(f"fieldtruth.{module}.Scene", scene)
-        for module in ("sensors.kind", "report.page.map"):
-            patch.setattr(f"fieldtruth.{module}.bake", baked)
+            patch.setattr(f"fieldtruth.{module}.world_of", kept.world_of)
+        for module in ("sensors.kind", "validation.world", "report.page.map", "report.preview.content"):
+            patch.setattr(f"fieldtruth.{module}.Scene", kept.scene)
+        for module in ("sensors.kind", "report.page.map", "report.preview.content"):
+            patch.setattr(f"fieldtruth.{module}.bake", kept.bake)
         yield
 
 

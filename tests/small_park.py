@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A park of 24 m with one or two objects of each kind, for all that does not need a full world."""
 
+from functools import cache
 from typing import Any, Final
 
 from fieldtruth.experiment.config import Experiment
@@ -19,6 +20,7 @@ ROUTE: Final = {"metres": {"start": [-6.0, 0.0], "waypoints": [[2.0, 0.0], [2.0,
 RIG: Final = paper_rig(cameras=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 
 
+@cache
 def small_park() -> World:
     """The world, from the cache that all tests share."""
     return load_world("park", 0, LAYOUT)

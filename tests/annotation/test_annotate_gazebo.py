@@ -26,9 +26,8 @@ from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.camera.message import camera_matrix
-from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.camera.sensor import camera_matrix
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 

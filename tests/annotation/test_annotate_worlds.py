@@ -23,7 +23,6 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
-SMALL = {"size": [60.0, 40.0], "individuals": 1, "beyond": False}
 EXCERPT = Path(__file__).parent / "data" / "gazebo_park.bag"
 Models = dict[str, Array]
 
@@ -55,9 +54,11 @@ def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
     check_objects(open_run(EXCERPT), park)  # recorded by Gazebo, on ground of a coarser grid
 
 
-@pytest.mark.parametrize("name", ["lake", "forest", "hillside"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(each, marks=pytest.mark.slow) for each in ("lake", "forest")), "hillside"]
+)
 def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: str, tmp_path: Path) -> None:
-    check(tmp_path, models_of(load_world(name, 0, SMALL | DEFAULT_LAYOUT)), load_world(name, 0, SMALL))
+    check(tmp_path, models_of(load_world(name, 0, DEFAULT_LAYOUT)), load_world(name))
 
 
 @pytest.mark.parametrize(("recorded", "given"), list(permutations(ENVIRONMENTS, 2)))
@@ -71,15 +72,15 @@ def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Pat
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["lake", "hillside"])
+@pytest.mark.parametrize("name", [pytest.param("lake", marks=pytest.mark.slow), "hillside"])
 def test_another_seed_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match=f"objects of {name} with seed 1 match; .* is at x "):
-        check(tmp_path, models_of(load_world(name, 0, SMALL)), load_world(name, 1, SMALL))
+        check(tmp_path, models_of(load_world(name, 0)), load_world(name, 1))
 
 
 @pytest.mark.parametrize(("recorded", "given"), [({}, {"benches": 2}), ({"benches": 2}, {})])
 def test_another_layout_is_refused(recorded: dict[str, int], given: dict[str, int], tmp_path: Path) -> None:
-    bag, world = (load_world("park", 0, SMALL | each) for each in (recorded, given))
+    bag, world = load_world("park", 0, recorded), load_world("park", 0, given)
     with pytest.raises(FieldtruthError, match="was recorded in another world: "):
         check(tmp_path, models_of(bag), world)
 

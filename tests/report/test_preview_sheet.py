@@ -17,6 +17,8 @@ from fieldtruth.report.preview import preview
 from fieldtruth.report.preview.content import SheetContent, collect_content
 from fieldtruth.report.preview.sheet import draw_sheet, occurring_classes
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 
 def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:
     monkeypatch.setattr(content_module, "experiments_in", lambda environment: experiments)

@@ -39,6 +39,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 VIEWS = ["pair_left", "pair_right", "front", "rear", "fisheye", "panorama"]
 TAGS = {imager.name: imager.topic_of("tag") for imager in many_rig().imagers}
 CLOUDS = {"top": "/top/points", "low": "/low/points"}

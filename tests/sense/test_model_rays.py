@@ -17,6 +17,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, column_times_ns, ray_directions, ray_times_ns, sweep_times_ns
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 TOLERANCE = 1e-4  # [m]
 
 

@@ -15,6 +15,8 @@ from fieldtruth.pipeline import generate
 from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 
 def _experiment(signal: Any, **changes: Any) -> Experiment:
     cameras = {"width": 320, "height": 184, "depth": True, "instances": True, "signal": signal}

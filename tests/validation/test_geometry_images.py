@@ -27,6 +27,8 @@ from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 EXTRAS = ("depth", "instances", "normals", "flow")
 LEFT = "/stereo/camera/left"
 

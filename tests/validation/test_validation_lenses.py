@@ -13,6 +13,8 @@ from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.validation.runner import validate
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 K1 = 0.08
 LENSES: dict[str, dict[str, Any]] = {
     "plumb_bob": {"lens": {"model": "plumb_bob", "coefficients": (K1, -0.05, -0.003, 0.002, 0.0)}},

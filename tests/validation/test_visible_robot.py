@@ -27,6 +27,8 @@ from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hi
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.tracer import ReferenceTracer
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 F8 = NDArray[np.float64]
 ROBOT = int(Label.ROBOT)
 RIG = Rig.model_validate({
