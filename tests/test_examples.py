@@ -7,6 +7,7 @@ import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from matplotlib.image import imread
 from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
+
+if TYPE_CHECKING:
+    from conftest import Kept
 
 pytestmark = pytest.mark.usefixtures("in_park")
 
@@ -23,9 +27,11 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 
 @pytest.fixture
-def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> RunExample:
+def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kept: "Kept") -> RunExample:
     """Run an example as a script with arguments, and return the lines that it prints."""
     monkeypatch.setenv("MPLBACKEND", "agg")
+    for name, made_once in {"load_world": kept.load_world, "Scene": kept.scene, "bake": kept.bake}.items():
+        monkeypatch.setattr(ft, name, made_once)
 
     def run(name: str, *arguments: object) -> list[str]:
         monkeypatch.setattr("sys.argv", [name, *map(str, arguments)])
