@@ -4,13 +4,14 @@
 
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from filelock import FileLock
+from kept_worlds import Kept
 from many_sensors import many_rig
 from numpy.random import Generator
 from small_park import in_small_park
@@ -19,19 +20,14 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.light_config import Light, LightConfig, WeatherConfig
+from fieldtruth.experiment.light_config import Light
 from fieldtruth.exporters import FORMATS, export
 from fieldtruth.pipeline import generate
 from fieldtruth.render import daylight
-from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.daylight import Daylight
-from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
-from fieldtruth.validation.tracer import ReferenceTracer
-from fieldtruth.world.build import load_world
-from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -40,8 +36,6 @@ if TYPE_CHECKING:
 
 _LEAN_NS: Final = 520_000_000
 Once = Callable[[str, Callable[[Path], object]], Path]
-_T = TypeVar("_T")
-_FULL: Final = daylight.DOME_TEXELS
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -131,40 +125,6 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     shorter = with_overrides(load_experiment(small_run / "experiment.yaml"), seconds=_LEAN_NS / 1e9)
     return rewritten(small_run, tmp_path_factory.mktemp("lean_run"), change, shorter)
-
-
-class Kept:
-    """Worlds with what is made of them, each made once in a process. To load and to light a park takes seconds."""
-
-    def __init__(self) -> None:
-        self._made = dict[Any, Any]()
-
-    def load_world(self, environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
-        return self._once((environment, seed, repr(layout or {})), load_world, environment, seed, layout)
-
-    def world_of(self, e: Experiment) -> World:
-        return self.load_world(e.environment, e.seed, e.layout)
-
-    def scene(self, world: World) -> Scene:
-        return self._once(("scene", id(world)), Scene, world)
-
-    def tracer(self, world: World) -> ReferenceTracer:
-        return self._once(("tracer", id(world)), ReferenceTracer, world)
-
-    def bake(
-        self, scene: Scene, light: LightConfig | None = None, weather: WeatherConfig | None = None, **_: Any
-    ) -> BakedScene:
-        """The light of a scene; built-in worlds have skies of the full size, as in other processes."""
-        texels = _FULL if scene.world.size == BUILT_IN else daylight.DOME_TEXELS
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(daylight, "DOME_TEXELS", texels)
-            key = id(scene), light or LightConfig(), weather or WeatherConfig(), texels
-            return self._once(key, bake, scene, light, weather)
-
-    def _once(self, key: Any, make: Callable[..., _T], *given: Any) -> _T:
-        if key not in self._made:
-            self._made[key] = make(*given), given  # which are kept, so that nothing else gets their ids
-        return cast(_T, self._made[key][0])
 
 
 @pytest.fixture(scope="session")

@@ -7,17 +7,14 @@ import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from kept_worlds import Kept
 from matplotlib.image import imread
 from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
-
-if TYPE_CHECKING:
-    from conftest import Kept
 
 pytestmark = pytest.mark.usefixtures("in_park")
 
@@ -27,7 +24,7 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 
 @pytest.fixture
-def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kept: "Kept") -> RunExample:
+def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kept: Kept) -> RunExample:
     """Run an example as a script with arguments, and return the lines that it prints."""
     monkeypatch.setenv("MPLBACKEND", "agg")
     for name, made_once in {"load_world": kept.load_world, "Scene": kept.scene, "bake": kept.bake}.items():
