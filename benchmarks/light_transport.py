@@ -198,7 +198,7 @@ def reference(world: World, light: LightTable, poses: list[Image], samples: int)
         shapes: dict[str, Any] = {"terrain": _terrain_shape(world, folder)}
         for mesh in world.meshes.values():
             shapes[f"group_{mesh.name}"] = {"type": "shapegroup", **_mesh_shapes(mi, mesh, surfaces, folder)}
-        for top, (mesh_of, pose, *_) in enumerate(Scene(world).tops):
+        for top, (mesh_of, pose, *_) in enumerate(Scene(world).top_levels):
             if mesh_of is world.backdrop and mesh_of is not None:
                 parts = _mesh_shapes(mi, mesh_of, surfaces, folder)
                 shapes |= {f"backdrop_{k}": part for k, part in parts.items()}

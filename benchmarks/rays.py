@@ -16,11 +16,11 @@ from numba import njit
 from views import poses_on_route
 
 import fieldtruth as ft
-from fieldtruth.bench.bare import MODES, BareTracer
-from fieldtruth.bench.sensors import pixel_directions
+from fieldtruth.bench.sensors import MODES, BareTracer
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.packets import Packet, new_packet, set_ray
+from fieldtruth.sensors.camera.sensor import pixel_directions
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 VIEWS, TRIES = 6, 3

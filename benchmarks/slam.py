@@ -141,13 +141,13 @@ PROGRAMS: Final[dict[str, tuple[Work, float]]] = {
 def errors(run: Path, estimate: Path, later_s: float) -> dict[str, float]:
     """evo's errors of the LiDAR's poses, whose times are ``later_s`` after their stamps."""
     bag = open_run(run)
-    trajectory, lidar = bag.trajectory, read_facts(bag).lidar
-    assert lidar is not None
+    trajectory, sensor = bag.trajectory, read_facts(bag).cloud
+    assert sensor is not None
     found = file_interface.read_tum_trajectory_file(estimate)
     stamps = np.rint(1e9 * (found.timestamps + later_s)).astype(np.int64)
     known = (stamps >= trajectory.stamps_ns[0]) & (stamps <= trajectory.stamps_ns[-1])
     found.reduce_to_ids(np.flatnonzero(known))
-    poses = [trajectory.world_from_base(int(stamp)) @ lidar.base_from_lidar for stamp in stamps[known]]
+    poses = [trajectory.world_from_base(int(stamp)) @ sensor.base_from_sensor for stamp in stamps[known]]
     return compared(PoseTrajectory3D(poses_se3=poses, timestamps=found.timestamps), found)
 
 

@@ -26,15 +26,15 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.world.build import world_of
 
 DRIVE_SECONDS, PAIRS = 60.0, 24
-UNITS = {
-    "world_build_s": "s",
-    "light_bake_s": "s",
-    "world_load_s": "s",
-    "first_frame_s": "s",
-    "drive_realtime_factor": "x",
-    "two_workers_speedup": "x",
-    "peak_rss_mb": "MB",
-}
+FIGURES = (
+    "world_build_s",
+    "light_bake_s",
+    "world_load_s",
+    "first_frame_s",
+    "drive_realtime_factor",
+    "two_workers_speedup",
+    "peak_rss_mb",
+)
 FIRST_FRAME = """
 import sys
 import fieldtruth as ft
@@ -92,7 +92,7 @@ def main() -> None:
             command = [sys.executable, __file__, "--json", name]
             done = subprocess.run(command, check=True, env=environment, capture_output=True, text=True)
             figures = json.loads(done.stdout)
-            print(f"{name}\n{table({key: figures[key] for key in UNITS if key in figures}, UNITS)}\n", flush=True)
+            print(f"{name}\n{table({key: figures[key] for key in FIGURES if key in figures})}\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -150,9 +150,9 @@ def in_park(kept: Kept) -> Iterator[None]:
         patch.setattr("fieldtruth.validation.rays.ReferenceTracer", kept.tracer)
         for module in ("simulation.stepped", "validation.world", "exporters.amodal", "report.page.map"):
             patch.setattr(f"fieldtruth.{module}.world_of", kept.world_of)
-        for module in ("sensors.kind", "validation.world", "report.page.map", "report.preview.content"):
+        for module in ("sensors.kind", "validation.world", "report.page.map", "report.preview"):
             patch.setattr(f"fieldtruth.{module}.Scene", kept.scene)
-        for module in ("sensors.kind", "report.page.map", "report.preview.content"):
+        for module in ("sensors.kind", "report.page.map", "report.preview"):
             patch.setattr(f"fieldtruth.{module}.bake", kept.bake)
         yield
 

@@ -17,9 +17,8 @@ from scaling import image_time_ratio, is_tree, with_trees_around
 from small_park import RIG, in_small_park, small_park
 from views import poses_on_route
 
-from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
-from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.sensors import Stretches, pixel_directions, recording, stretches_of
+from fieldtruth.bench import Settings, measure, settings_of, table, unit_of
+from fieldtruth.bench.sensors import MODES, BareTracer, Mode, Stretches, best_mode, recording, stretches_of
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
@@ -31,11 +30,17 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.camera.sensor import pixel_directions
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.model import World
 
 EXPERIMENT = in_small_park(rig=RIG)
+FIGURES = (
+    *("lidar_mrays_per_s", "lidar_bare_mrays_per_s", "lidar_over_bare"),
+    *("camera_mrays_per_s", "camera_bare_mrays_per_s", "label_image_over_bare", "photograph_over_bare"),
+    *("normals_over_bare", "flow_over_bare", "images_per_s", "pairs_per_s", "image_efficiency", "peak_rss_mb"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +121,7 @@ def test_table_shows_value_and_unit() -> None:
         ["lidar_over_bare", "1.41", "x"],
         ["peak_rss_mb", "1500", "MB"],
     ]
+    assert [unit_of(name) for name in ("images_per_s", "pairs_per_s", "light_bake_s")] == ["images/s", "pairs/s", "s"]
 
 
 @pytest.mark.parametrize(
@@ -154,12 +160,14 @@ def test_photographs_that_are_timed_are_those_that_are_recorded(monkeypatch: pyt
     for name in ("perf_counter", "thread_time"):
         monkeypatch.setattr(f"fieldtruth.bench.sensors.{name}", lambda: getattr(clock, "now", 0.0))
     monkeypatch.setattr(IdealCamera, "render", passing(IdealCamera.render, 1.0))
+    monkeypatch.setattr(LabelCamera, "label", passing(LabelCamera.label, 0.6))
     monkeypatch.setattr(BareTracer, "trace", passing(BareTracer.trace, 0.5))
     experiment = EXPERIMENT.model_copy(update={"seconds": 2.2})
     found = measure(
         Settings(experiment=experiment.model_copy(update={"rig": Rig(sensors=RIG.enabled(CameraConfig))}), views=3)
     )
     assert found["photograph_over_bare"] == pytest.approx(2.0, rel=1e-9)
+    assert found["label_image_over_bare"] == pytest.approx(1.2, rel=1e-9)
     assert found["image_efficiency"] == pytest.approx(0.5, rel=1e-9)
 
 
@@ -168,7 +176,7 @@ def test_reduced_run_gives_every_figure(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     figures = measure(Settings(experiment=EXPERIMENT, views=2))
-    assert list(json.loads(json.dumps(figures))) == list(UNITS)
+    assert list(json.loads(json.dumps(figures))) == list(FIGURES)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
 
@@ -178,11 +186,11 @@ def test_figures_are_those_of_the_sensors_that_a_rig_has(names: tuple[str, ...])
     sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
     experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
     figures = measure(Settings(experiment=experiment, views=1))
-    lacking = {"stereo_pairs_per_s"}
+    lacking = {"pairs_per_s"}
     if "front" not in names:
         of_cameras = ("image", "camera", "photograph", "normals", "flow")
-        lacking |= {key for key in UNITS if any(word in key for word in of_cameras)}
-    assert figures.keys() == UNITS.keys() - lacking
+        lacking |= {key for key in FIGURES if any(word in key for word in of_cameras)}
+    assert figures.keys() == set(FIGURES) - lacking
     assert all(math.isfinite(value) and value > 0 for value in figures.values())
 
 
@@ -248,6 +256,6 @@ def test_document_explains_every_figure_with_its_unit() -> None:
     rows = {
         cells[1].strip().strip("`"): cells for cells in (line.split("|") for line in text.splitlines()) if cells[2:]
     }
-    for key, unit in UNITS.items():
-        assert rows[key][2].strip() == unit
+    for key in FIGURES:
+        assert rows[key][2].strip() == unit_of(key)
         assert rows[key][-2].strip()

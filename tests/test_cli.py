@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import simplejpeg
-from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer
 
 import fieldtruth
@@ -190,15 +189,15 @@ def test_preview_writes_the_sheet(
 ) -> None:
     calls: list[tuple[Any, ...]] = []
 
-    def draw(environment: str, seed: int, *, width: int, workers: int, progress: object) -> NDArray[np.uint8]:
-        calls.append((environment, seed, width, workers))
+    def draw(environment: str, seed: int, *, layout: Any, width: int, workers: int, progress: object) -> Any:
+        calls.append((environment, seed, layout, width, workers))
         return np.full((30, 20, 3), 100 + len(calls), np.uint8)
 
     monkeypatch.setattr("fieldtruth.report.preview.preview", draw)
     assert cli.main(["preview", "park"]) == 0
     assert capsys.readouterr().out == "park_0_preview.png: 20 x 30 pixels, 0.0 MB\n"
     assert cli.main(["preview", "park", "--seed", "7", "--out", "a.jpg", "--workers", "3"]) == 0
-    assert calls == [("park", 0, 2400, cpu_count()), ("park", 7, 1400, 3)]
+    assert calls == [("park", 0, None, 2400, cpu_count()), ("park", 7, None, 1400, 3)]
     assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 102).all()
     capsys.readouterr()
     before = (tmp_path / "a.jpg").read_bytes()
@@ -209,6 +208,13 @@ def test_preview_writes_the_sheet(
     assert len(calls) == 2
     assert cli.main(["preview", "park", "--out", "a.jpg", "--overwrite"]) == 0
     assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 103).all()
+    (tmp_path / "layout.yaml").write_text("season: winter\n")
+    assert cli.main(["preview", "forest", "--layout", "layout.yaml"]) == 0
+    assert calls[-1][:3] == ("forest", 0, {"season": "winter"})
+    (tmp_path / "layout.yaml").write_text("seasons: winter\n")
+    capsys.readouterr()
+    assert cli.main(["preview", "forest", "--layout", "layout.yaml", "--overwrite"]) == 2
+    assert capsys.readouterr().err.startswith("error: layout.yaml: ")
 
 
 def test_shares_counts_the_given_experiments(

@@ -46,6 +46,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.files import locked, output_errors, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
+from fieldtruth.core.readings import Cloud
 from fieldtruth.core.transforms import inverse, pose_from_quaternion_wxyz, quaternion_wxyz_from_rotation
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
@@ -243,8 +244,8 @@ def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
     )
 
 
-CAMERAS_ONLY: Final = Rig().with_each(lambda each: {"enabled": False} if each.switch == "lidar" else {})
-"""The paper's stereo camera."""
+IMAGES_ONLY: Final = Rig().with_each(lambda each: {"enabled": False} if each.gives is Cloud else {})
+"""The paper's rig without those of its sensors that give clouds."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +264,7 @@ def annotate(
     bag: Path | str,
     world: str | WorldConfig,
     *,
-    rig: Rig = CAMERAS_ONLY,
+    rig: Rig = IMAGES_ONLY,
     robot: str = ROBOT,
     out: Path | str | None = None,
     scene: Scene | None = None,

@@ -9,7 +9,7 @@ loader = DataLoader(parts["train"], batch_size=8, shuffle=True, num_workers=4, c
 import copy
 import operator
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple, SupportsIndex, TypedDict, Unpack, cast
@@ -25,10 +25,28 @@ from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.ontology import LabelMap, label_map_of
 
-Sensor = Literal["camera", "lidar"]
+Anchor = Literal["camera", "lidar"]
+
+
+class Role(NamedTuple):
+    """Names of the sensors whose readings have one type, whatever their kind, in arguments, samples and messages."""
+
+    key: Anchor
+    """Argument of ``RunDataset``, and word in keys of samples."""
+    noun: str
+    part: str
+    """Main part of a reading, which an anchor without items has."""
+    item: str
+    """Item of that part."""
+
+
+ROLES: Final[dict[type[Reading], Role]] = {
+    Image: Role("camera", "camera", "photo", "image"),
+    Cloud: Role("lidar", "LiDAR", "main", "cloud"),
+}
 
 
 class Sample(TypedDict, total=False):
@@ -87,11 +105,11 @@ class Sample(TypedDict, total=False):
 
 
 class Item(NamedTuple):
-    """Sensor, part of its reading, and conversion to an array from the reading and the output ids by class."""
+    """Type and part of a reading, and conversion to an array from the reading and the output ids by class."""
 
-    sensor: Sensor
+    reading: type[Reading]
     part: str
-    """Of a camera the field of ``Image``; of a LiDAR ``main``."""
+    """Field of an ``Image``; of a ``Cloud`` always ``main``."""
     value: Callable[[Any, Counts], NDArray[Any]]
 
 
@@ -117,28 +135,24 @@ def _rays(cloud: Cloud, ids: Counts) -> Counts:
 
 
 ITEMS: Final[dict[str, Item]] = {
-    "image": Item("camera", "photo", lambda image, ids: _channels_first(image.photo)),
-    "mask": Item("camera", "label", lambda image, ids: _ids(image.label, ids)),
-    "depth": Item("camera", "depth", lambda image, ids: image.depth.astype(np.float32)),
-    "instance_mask": Item("camera", "instance", lambda image, ids: image.instance.astype(np.int32)),
-    "normals": Item("camera", "normal", lambda image, ids: _channels_first(image.normal).astype(np.float32)),
-    "flow": Item("camera", "flow", lambda image, ids: _channels_first(image.flow).astype(np.float32)),
-    "cloud": Item("lidar", "main", lambda cloud, ids: cloud.xyz.astype(np.float32)),
-    "labels": Item("lidar", "main", lambda cloud, ids: _ids(cloud.label, ids)),
-    "instances": Item("lidar", "main", lambda cloud, ids: _field(cloud, "instance").astype(np.int32)),
-    "reflectivity": Item("lidar", "main", lambda cloud, ids: reflectivity(cloud)),
-    "rays": Item("lidar", "main", _rays),
+    "image": Item(Image, "photo", lambda image, ids: _channels_first(image.photo)),
+    "mask": Item(Image, "label", lambda image, ids: _ids(image.label, ids)),
+    "depth": Item(Image, "depth", lambda image, ids: image.depth.astype(np.float32)),
+    "instance_mask": Item(Image, "instance", lambda image, ids: image.instance.astype(np.int32)),
+    "normals": Item(Image, "normal", lambda image, ids: _channels_first(image.normal).astype(np.float32)),
+    "flow": Item(Image, "flow", lambda image, ids: _channels_first(image.flow).astype(np.float32)),
+    "cloud": Item(Cloud, "main", lambda cloud, ids: cloud.xyz.astype(np.float32)),
+    "labels": Item(Cloud, "main", lambda cloud, ids: _ids(cloud.label, ids)),
+    "instances": Item(Cloud, "main", lambda cloud, ids: _field(cloud, "instance").astype(np.int32)),
+    "reflectivity": Item(Cloud, "main", lambda cloud, ids: reflectivity(cloud)),
+    "rays": Item(Cloud, "main", _rays),
 }
 """Items that are readings of a sensor."""
 GEOMETRY: Final = ("pose", "calibration")
 """Items about the sensors of the other items."""
-RAGGED: Final = frozenset(name for name, item in ITEMS.items() if item.sensor == "lidar")
+RAGGED: Final = frozenset(name for name, item in ITEMS.items() if item.reading is Cloud)
 """Items whose length varies from frame to frame."""
 DEFAULT_ITEMS: Final = ("image", "mask")
-_SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")
-_KINDS: Final = {"camera": (Image, "camera", "photo"), "lidar": (Cloud, "LiDAR", "main")}
-"""Type of readings, name in messages, and main part of a sensor."""
-_MAIN_ITEM: Final = {"camera": "image", "lidar": "cloud"}
 Transform = Callable[[Sample], Any]
 
 
@@ -146,18 +160,18 @@ class RunDataset:
     """The frames of one run, for ``torch.utils.data.DataLoader`` or without PyTorch: ``len(ds)``, ``ds[i]``.
 
     A sample is a dict of NumPy arrays, see ``Sample``; ``ft.collate`` makes tensors of a batch. A frame is a stamp of
-    the anchor sensor at which all requested items exist. Items of one sensor have the same stamp, and so have camera
-    and LiDAR, unless ``tolerance_s`` allows the nearest reading of the other. Poses are those at the stamp of each
+    the anchor sensor at which all requested items exist. Items of one sensor have the same stamp, and so have images
+    and clouds, unless ``tolerance_s`` allows the nearest reading of the other. Poses are those at the stamp of each
     sensor.
 
     Args:
         path: folder of a run, or a bag.
         items: contents of a sample: names from ``ITEMS`` (image, mask, depth, cloud, ...), and "pose" and "calibration"
             of the sensors of the other items.
-        camera: name of a camera of the rig, such as "left" or "right" of the paper's pair; None: the first.
-        lidar: name of a LiDAR of the rig; None: the first.
-        anchor: sensor whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
-        tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
+        camera: name of a sensor that gives images, such as "left" or "right" of the paper's pair; None: the first.
+        lidar: name of a sensor that gives clouds, whatever its kind; None: the first.
+        anchor: whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
+        tolerance_s: largest difference [s] between the stamps of image and cloud in a frame.
         label_map: ontology of mask and labels, as for ``fieldtruth export``; None keeps our own classes.
         transform: applied to each sample; ``ds[i]`` returns its result.
 
@@ -174,38 +188,43 @@ class RunDataset:
         *,
         camera: str | None = None,
         lidar: str | None = None,
-        anchor: Sensor | None = None,
+        anchor: Anchor | None = None,
         tolerance_s: float = 0.0,
         label_map: str | LabelMap | None = None,
         transform: Transform | None = None,
     ) -> None:
         self.items = _checked_items(items)
         self.transform = transform
-        needed = {ITEMS[item].sensor for item in self.items if item in ITEMS}
-        self.anchor: Sensor = anchor or ("camera" if "camera" in needed or not needed else "lidar")
-        _check_choices(self.anchor, tolerance_s)
+        needed = {ITEMS[item].reading for item in self.items if item in ITEMS}
+        self._anchor = _anchor(anchor, needed)
+        _check_tolerance(tolerance_s)
         self.classes, self._ids = _ontology(label_map)
         self.run = open_run(Path(path))
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
-        chosen = {"camera": self._chosen("camera", camera), "lidar": self._chosen("lidar", lidar)}
-        sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
-        self._readings = {sensor: self._open(sensor, chosen[sensor]) for sensor in sensors}
+        chosen = {kind: self._chosen(kind, name) for kind, name in zip(ROLES, (camera, lidar), strict=True)}
+        used = [kind for kind in ROLES if kind in needed or kind is self._anchor]
+        self._readings = {kind: self._open(kind, chosen[kind]) for kind in used}
         self._poses = self.run.poses if "pose" in self.items else None
         self._fixed = self._geometry()
-        tolerance_ns, anchored = round(tolerance_s * 1e9), self._readings[self.anchor].stamps_ns
+        tolerance_ns, anchored = round(tolerance_s * 1e9), self._readings[self._anchor].stamps_ns
         self._rows = _associated(self._readings, anchored, tolerance_ns, self._poses)
         if not len(self):
             why = _explain_no_frame(self._readings, anchored)
             raise BagError(f"{self.run.bag} has no frame with {', '.join(self.items)}: {why}")
 
     @property
+    def anchor(self) -> Anchor:
+        """Whose stamps define the frames."""
+        return ROLES[self._anchor].key
+
+    @property
     def stamps_ns(self) -> Counts:
         """(len,) stamp [ns] of each frame."""
-        return self._stamps(self.anchor)
+        return self._stamps(self._anchor)
 
     def __len__(self) -> int:
-        return len(self._rows[self.anchor])
+        return len(self._rows[self._anchor])
 
     def __getitem__(self, index: SupportsIndex) -> Any:
         """Return a sample; negative indices count from the end.
@@ -223,16 +242,19 @@ class RunDataset:
     def __repr__(self) -> str:
         return f"RunDataset({self.name}: {len(self)} frames of {', '.join(self.items)})"
 
-    def _stamps(self, sensor: Sensor) -> Counts:
-        return self._readings[sensor].stamps_ns[self._rows[sensor]]
+    def _stamps(self, kind: type[Reading]) -> Counts:
+        return self._readings[kind].stamps_ns[self._rows[kind]]
+
+    def _items(self, kind: type[Reading]) -> list[str]:
+        """Items that are of readings of a type."""
+        return [item for item in self.items if item in ITEMS and ITEMS[item].reading is kind]
 
     def _sample(self, i: int) -> Sample:
         sample: dict[str, Any] = {"run": self.name, "stamp_ns": int(self.stamps_ns[i])}
-        for sensor, readings in self._readings.items():
-            sample[f"{sensor}_stamp_ns"] = int(self._stamps(sensor)[i])
-            items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
-            if items:
-                reading = readings.read(int(self._rows[sensor][i]))
+        for kind, readings in self._readings.items():
+            sample[f"{ROLES[kind].key}_stamp_ns"] = int(self._stamps(kind)[i])
+            if items := self._items(kind):
+                reading = readings.read(int(self._rows[kind][i]))
                 sample |= {item: ITEMS[item].value(reading, self._ids) for item in items}
         if self._poses is not None:
             sample |= self._true_poses(i, self._poses)
@@ -242,31 +264,28 @@ class RunDataset:
 
     def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
         result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}
-        for sensor in self._readings:
-            stamp = int(self._stamps(sensor)[i])
+        for kind in self._readings:
+            stamp, key = int(self._stamps(kind)[i]), ROLES[kind].key
             same = stamp == self.stamps_ns[i]
             world_from_base = result["world_from_base"] if same else poses.world_from_base(stamp)
-            result[f"world_from_{sensor}"] = world_from_base @ self._fixed[f"base_from_{sensor}"]
+            result[f"world_from_{key}"] = world_from_base @ self._fixed[f"base_from_{key}"]
         return result
 
-    def _chosen(self, sensor: Sensor, name: str | None) -> Source | None:
+    def _chosen(self, kind: type[Reading], name: str | None) -> Source | None:
         """Return the sensor of a name, or the first of the rig, if it has any."""
-        kind, called, _ = _KINDS[sensor]
         known = {source.label: source for source in self.run.of(kind, recorded=False)}
         if name is None:
             return next(iter(known.values()), None)
         if name not in {*known, *(source.name for source in known.values())}:
-            raise UnknownNameError(called, name, known)
+            raise UnknownNameError(ROLES[kind].noun, name, known)
         return self.run.source(name)
 
-    def _open(self, sensor: Sensor, source: Source | None) -> Readings:
+    def _open(self, kind: type[Reading], source: Source | None) -> Readings:
         """Open a sensor with what the items need; an anchor without items has its main part."""
-        run, (_, called, main) = self.run, _KINDS[sensor]
-        items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
+        run, role, items = self.run, ROLES[kind], self._items(kind)
         if source is None:
-            what = (items or [_MAIN_ITEM[sensor]])[0]
-            raise BagError(f"{what}: the rig of {run.bag} has no {called}")
-        parts = list(dict.fromkeys(ITEMS[item].part for item in items)) or [main]
+            raise BagError(f"{(items or [role.item])[0]}: the rig of {run.bag} has no {role.noun}")
+        parts = list(dict.fromkeys(ITEMS[item].part for item in items)) or [role.part]
         for part in parts:
             topic = source.topics[part]
             if topic not in run.counts and part in EXTRAS:
@@ -280,32 +299,34 @@ class RunDataset:
         if not any(item in GEOMETRY for item in self.items):
             return {}
         static = self.run.calibration.static
-        fixed: dict[str, Any] = {f"base_from_{s}": static.base_from(each.frame()) for s, each in self._readings.items()}
-        if "calibration" in self.items and "camera" in self._readings:
-            source = self._readings["camera"].source
+        fixed: dict[str, Any] = {
+            f"base_from_{ROLES[kind].key}": static.base_from(each.frame()) for kind, each in self._readings.items()
+        }
+        if "calibration" in self.items and Image in self._readings:
+            source = self._readings[Image].source
             fixed |= _lens(self.run.calibration.lens(source.name), f"{source.info} of {self.run.bag}")
         return fixed
 
 
 def _associated(
-    readings: Mapping[Sensor, Readings], anchored: Counts, tolerance_ns: int, poses: Poses | None
-) -> dict[Sensor, Counts]:
+    readings: Mapping[type[Reading], Readings], anchored: Counts, tolerance_ns: int, poses: Poses | None
+) -> dict[type[Reading], Counts]:
     """Select rows of each sensor, so that row i of each belongs to frame i: the nearest to a stamp of the anchor.
 
     Stamps of frames are within the tolerance [ns], and have a true pose, if there are poses.
     """
     if not all(map(len, readings.values())):
-        return {sensor: np.empty(0, np.int64) for sensor in readings}
-    rows = {sensor: nearest(anchored, each.stamps_ns) for sensor, each in readings.items()}
+        return {kind: np.empty(0, np.int64) for kind in readings}
+    rows = {kind: nearest(anchored, each.stamps_ns) for kind, each in readings.items()}
     keep = np.full(len(anchored), True)
-    for sensor, each in readings.items():
-        found = each.stamps_ns[rows[sensor]]
+    for kind, each in readings.items():
+        found = each.stamps_ns[rows[kind]]
         keep &= np.abs(found - anchored) <= tolerance_ns
         keep &= True if poses is None else poses.cover(found)
-    return {sensor: own[keep] for sensor, own in rows.items()}
+    return {kind: own[keep] for kind, own in rows.items()}
 
 
-def _explain_no_frame(readings: Mapping[Sensor, Readings], anchored: Counts) -> str:
+def _explain_no_frame(readings: Mapping[type[Reading], Readings], anchored: Counts) -> str:
     for each in readings.values():
         if not len(each):
             return f"no stamp is common to {', '.join(each.source.topics[part] for part in each.parts)}"
@@ -349,9 +370,17 @@ def _checked_items(items: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(items))
 
 
-def _check_choices(anchor: str, tolerance_s: float) -> None:
-    if anchor not in _SENSORS:
-        raise UnknownNameError("anchor", anchor, _SENSORS)
+def _anchor(name: str | None, needed: Set[type[Reading]]) -> type[Reading]:
+    """Return the type of readings of an anchor; without a name the first that items need."""
+    types: dict[str, type[Reading]] = {role.key: kind for kind, role in ROLES.items()}
+    if name is None:
+        return next((kind for kind in ROLES if kind in needed), next(iter(ROLES)))
+    if name not in types:
+        raise UnknownNameError("anchor", name, types)
+    return types[name]
+
+
+def _check_tolerance(tolerance_s: float) -> None:
     if not 0.0 <= tolerance_s < np.inf:
         raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, got {tolerance_s!r}")
 
@@ -369,7 +398,7 @@ class Options(TypedDict, total=False):
 
     camera: str | None
     lidar: str | None
-    anchor: Sensor | None
+    anchor: Anchor | None
     tolerance_s: float
     label_map: str | LabelMap | None
     transform: Transform | None

@@ -109,7 +109,7 @@ class _Stored:
     def __init__(self, bag: BagReader, run: Run, changed: Collection[SensorConfig]) -> None:
         moved = any(sensor.sees or sensor.needs_wheels for sensor in changed)
         self.drives = moved or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
-        """Whether the robot drives again."""
+        """True if the robot drives again."""
         kept = [each for each in run.rig.in_order() if each not in changed and (each.sees or not self.drives)]
         self.sensors = {sensor.name for sensor in kept}
         topics = {topic.name for sensor in kept for topic in sensor.topics()}

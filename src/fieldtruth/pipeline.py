@@ -70,7 +70,7 @@ class PreparedHere(Driven):
 
     @property
     def latched(self) -> bool:
-        """Whether static objects are published once."""
+        """Return whether static objects are published once."""
         return latches_objects(self.experiment, len(self.world.instances))
 
     def slices(self, folder: Path) -> Slices:
@@ -181,7 +181,7 @@ def _warn_of_weather(experiment: Experiment) -> None:
     """Warn of sensors that no weather reaches."""
     unreached = [each for each in experiment.rig.in_order() if each.needs_signal_for_weather]
     if unreached and not experiment.weather.is_clear:
-        nouns = " and ".join(dict.fromkeys(f"{each.noun or each.kind}s" for each in unreached))
+        nouns = " and ".join(dict.fromkeys(f"{each.noun}s" for each in unreached))
         names = ", ".join(each.name for each in unreached)
         what = f"weather has no effect on ideal {nouns} ({names}); give them a signal, as --signal datasheet does"
         warnings.warn(what, FieldtruthWarning, stacklevel=4)

@@ -20,12 +20,11 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -17,8 +17,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import World

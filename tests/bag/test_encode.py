@@ -16,9 +16,8 @@ from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.track import Motion, state_at
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera import sensor as camera
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.gnss.sensor import navsat
 from fieldtruth.sensors.imu.sensor import imu
 from fieldtruth.sensors.lidar.config import LidarConfig, TimeField

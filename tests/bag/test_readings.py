@@ -178,6 +178,25 @@ def test_a_sensor_that_the_experiment_does_not_fit_is_said_when_it_is_read(small
         assert len(other["lidar"]) > 0
 
 
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"spinning": True, "time_field": "time"}, "no field t, time"),
+        ({"point_fields": "livox"}, "no field tag, line, timestamp"),
+        ({"point_fields": "ouster"}, "no field reflectivity, ambient, range and ring as u2, not u1"),
+    ],
+)
+def test_fields_of_clouds_that_the_experiment_does_not_have_are_said(
+    small_run: Path, changes: dict[str, Any], text: str
+) -> None:
+    run = open_run(small_run)
+    assert run.experiment is not None
+    rig = run.experiment.rig.with_sensors(ft.LidarConfig, **changes)
+    other = replace(run, experiment=run.experiment.model_copy(update={"rig": rig}))
+    with pytest.warns(FieldtruthWarning, match=f"points has {text}, unlike experiment.yaml; the bag counts"):
+        assert len(other["lidar"]) > 0
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Stamps
 

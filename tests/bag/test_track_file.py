@@ -27,8 +27,8 @@ from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, TrackErro
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.exporters import export
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.validation.runner import validate
 
 RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])

@@ -32,6 +32,22 @@ def test_lines_for_a_log_file(step_s: float, shown: list[str], monkeypatch: pyte
     assert "\x1b" not in out.getvalue()
 
 
+def test_time_left_does_not_count_what_comes_before_the_first_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of compiling before ten parts of a second each."""
+    clock = iter([0.0, 60.0, 60.0, *(60.0 + k for k in range(1, 10)), 70.0])
+    monkeypatch.setattr("fieldtruth.core.progress.monotonic", lambda: next(clock))
+    out = io.StringIO()
+    with (
+        show_progress(Console(file=out), title="park_1: 10 s") as progress,
+        progress.stage("sense", total=10.0) as advance,
+    ):
+        for _ in range(10):
+            advance(1.0)
+    lines = out.getvalue().splitlines()
+    assert lines[:3] == ["park_1: 10 s", "sense: 10 %", "sense: 20 %, 8 s left"]
+    assert lines[9] == "sense: 90 %, 1 s left"
+
+
 def test_bars_on_a_terminal_from_several_threads() -> None:
     out = io.StringIO()
     with show_progress(Console(file=out, force_terminal=True, width=100)) as progress:

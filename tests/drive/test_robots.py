@@ -26,7 +26,7 @@ from fieldtruth.experiment.catalogue import ROBOTS, list_robots
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.gazebo.robot.parts import check_rig
+from fieldtruth.gazebo.robot import check_rig
 from fieldtruth.world.model import World
 
 EACH = pytest.mark.parametrize("name", ROBOTS)

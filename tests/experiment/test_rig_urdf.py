@@ -62,7 +62,7 @@ def assert_equal_rigs(found: Rig, expected: Rig) -> None:
 
 @pytest.mark.parametrize("rig", [Rig(), many_rig()], ids=["paper", "many"])
 def test_a_rig_comes_back_through_the_urdf_that_is_written_of_it(rig: Rig, tmp_path: Path) -> None:
-    (tmp_path / "robot.urdf").write_text(FORMATS["urdf"](rig), "utf-8")
+    (tmp_path / "robot.urdf").write_text(FORMATS["urdf"].text(rig), "utf-8")
     sensors = [sensor.model_dump(mode="json") for sensor in rig.sensors]
     for values in sensors:
         values.pop("mount", None)

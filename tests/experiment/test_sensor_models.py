@@ -195,7 +195,7 @@ def test_the_documents_state_rates_and_noise(kind: str, name: str) -> None:
     assert sorted(re.findall(r"\d+(?:\.\d+)?", " ".join(noise))) == sorted(v for v in values)
 
 
-def stored_with(at: str, model: str, **rig: Any) -> str:
+def stored_with(at: str, model: str | None, **rig: Any) -> str:
     """Text of a stored experiment in which a user has changed the ``model`` of a sensor, or of the robot."""
     given = {"name": "a", "environment": "park", **yaml.safe_load(ROUTE), "rig": rig}
     experiment = parse_experiment(yaml.safe_dump(given))
@@ -208,36 +208,32 @@ def stored_with(at: str, model: str, **rig: Any) -> str:
 @pytest.mark.parametrize(
     ("at", "model", "rig", "line"),
     [
-        (
-            "3",
-            "vlp_16",
-            {},
-            r"rig\.sensors\[3\]: rings must be 16, the number of elevations_deg of the model vlp_16, got 64$",
-        ),
-        (
-            "3",
-            "os1_128",
-            {"lidar": {"model": "os0_128"}},
-            r"\]\.vertical_fov_deg is that of a sensor of the model os0_128, not",
-        ),
-        (
-            "4",
-            "zed_x",
-            {},
-            r"rig\.sensors\[4\]\.width is that of a sensor (without a|of the) model.*, not of zed_x: 1280; ",
-        ),
+        ("3", "vlp_16", {}, r"rig\.sensors\[3\]\.model is vlp_16, but .* those of a sensor without a model; "),
+        ("3", "os1_128", {"lidar": {"model": "os0_128"}}, r"\.model is os1_128, .* of the model os0_128; leave out"),
+        ("4", "zed_x", {}, r"\.model is zed_x, .*; leave out what zed_x shall give, and stereo in rig\.models$"),
+        ("0", "vn_100", {"imu": {"signal": "datasheet"}}, r"\.model is vn_100, .*of a sensor without a model; "),
+        ("0", "vn_100", {}, r"rig\.sensors\[0\]\.model is vn_100, .*those of a sensor without a model; "),
+        ("0", "bmi088", {"imu": {"model": "vn_100"}}, r"\.model is bmi088, but .* those of the model vn_100; "),
+        ("0", None, {"imu": {"model": "vn_100"}}, r"\.model is none, .* those of the model vn_100; name vn_100$"),
+        ("1", "neo_m8n", {"gnss": {"model": "duro"}}, r"\.model is neo_m8n, but .* of the model duro; leave out what"),
         (
             "0",
-            "vn_100",
-            {"imu": {"signal": "datasheet"}},
-            r"rig\.sensors\[0\]\.signal is that of a sensor without a model, not of vn_100: ",
+            "encoder_1024",
+            {"sensors": [{"kind": "wheel_odometry", "model": "husky_a200"}]},
+            r"\.model is encoder_1024, .* of the model husky_a200; leave",
         ),
         ("robot", "jackal", {}, r"rig\.robot\.mass is that of the model husky, not of jackal: 50\.0; leave out what"),
     ],
 )
-def test_the_values_of_another_model_are_refused(at: str, model: str, rig: dict[str, Any], line: str) -> None:
+def test_the_values_of_another_model_are_refused(at: str, model: str | None, rig: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=rf"^stored\.yaml: .*{line}"):
         parse_experiment(stored_with(at, model, **rig), "stored.yaml")
+
+
+def test_a_model_is_changed_with_the_values_that_it_gives() -> None:
+    values = yaml.safe_load(stored_with("0", "bmi088", imu={"model": "vn_100"}))
+    del values["rig"]["sensors"][0]["rate_hz"], values["rig"]["models"]["imu"]
+    assert parse_experiment(yaml.safe_dump(values)).rig.imu.rate_hz == figures_of("imu", "bmi088")["rate_hz"]
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
+from fieldtruth.core.lenses import Lens
 from fieldtruth.exporters.slam_configs import (
     ASSUMED_NOISE,
+    CloudFacts,
     Facts,
-    ImuFacts,
-    ImuNoise,
-    LidarFacts,
+    InertialFacts,
+    InertialNoise,
     ViewFacts,
     fast_lio2,
     kiss_icp,
@@ -27,14 +28,14 @@ from fieldtruth.exporters.slam_configs import (
 from fieldtruth.sensors.imu.config import ImuConfig, ImuSignal
 
 FLOAT32, FLOAT64, UINT8, UINT16, UINT32 = 7, 8, 2, 4, 6
-NOISE = ImuNoise(1e-3, 0.1, 1e-4, 0.01)
+NOISE = InertialNoise(1e-3, 0.1, 1e-4, 0.01)
 
 
 def facts(
     *,
     fields: dict[str, int] | None = None,
     pattern: str | None = None,
-    noise: ImuNoise = NOISE,
+    noise: InertialNoise = NOISE,
     model: str = "pinhole",
     coefficients: tuple[float, ...] = (),
 ) -> Facts:
@@ -42,10 +43,10 @@ def facts(
     ahead = np.eye(4)
     ahead[0, 3] = 2.0
     config = SimpleNamespace(rate_hz=10.0, rings=16, columns=1800, min_range=0.5, max_range=100.0, pattern=pattern)
-    lidar = LidarFacts("top", "/top/points", "top", ahead, config, fields or {})
-    imu = ImuFacts("imu", "/imu/data", np.eye(4), 200.0, noise, assumed=False)
+    lidar = CloudFacts("top", "/top/points", "top", ahead, config, fields or {})
+    imu = InertialFacts("imu", "/imu/data", np.eye(4), 200.0, noise, assumed=False)
     view = ViewFacts(
-        "front", "/front/real", np.eye(4), model, (400.0, 410.0, 319.5, 239.5), coefficients, 640, 480, 30.0
+        "front", "/front/real", np.eye(4), Lens(model, 400.0, 410.0, 319.5, 239.5, coefficients), 640, 480, 30.0
     )
     return Facts(lidar, imu, (view,), ())
 

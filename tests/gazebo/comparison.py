@@ -16,11 +16,11 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.sense.lens import pinhole
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, CameraConfig, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions

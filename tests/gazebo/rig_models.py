@@ -17,8 +17,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.lens import pinhole
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 RATE_HZ = 10.0

@@ -11,9 +11,8 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import Raster

@@ -24,7 +24,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.gazebo.robot import Flavour, body_shapes, write_robot
 from fieldtruth.sense.lens import pinhole
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
@@ -335,12 +335,12 @@ def test_housings_that_another_sensor_would_see_are_not_drawn() -> None:
     paper = Rig().model_dump()["sensors"]
     for z, drawn in ((0.9, False), (0.5, True)):
         beside = {"kind": "lidar", "name": "second", "mount": {"xyz": [-0.45, 0.0, z]}, "rings": 1, "columns": 8}
-        names = {shape.name for shape in parts.body_shapes(Rig.model_validate({"sensors": [*paper, beside]}))}
+        names = {shape.name for shape in body_shapes(Rig.model_validate({"sensors": [*paper, beside]}))}
         assert ("second_housing" in names) == drawn
     ahead = {"kind": "camera", "name": "ahead", "mount": {"xyz": [0.6, 0.0, 0.72]}}
-    assert "ahead_housing" not in {s.name for s in parts.body_shapes(Rig.model_validate({"sensors": [*paper, ahead]}))}
+    assert "ahead_housing" not in {s.name for s in body_shapes(Rig.model_validate({"sensors": [*paper, ahead]}))}
     behind = ahead | {"mount": {"xyz": [-0.2, 0.0, 0.5], "rpy_deg": [0.0, 0.0, 180.0]}}
-    assert "ahead_housing" in {s.name for s in parts.body_shapes(Rig.model_validate({"sensors": [*paper, behind]}))}
+    assert "ahead_housing" in {s.name for s in body_shapes(Rig.model_validate({"sensors": [*paper, behind]}))}
 
 
 def test_no_beam_of_any_lidar_meets_the_mast() -> None:
@@ -348,6 +348,6 @@ def test_no_beam_of_any_lidar_meets_the_mast() -> None:
     for z in (0.6, 0.3):
         second = {"kind": "lidar", "name": "second", "mount": {"xyz": [0.6, 0.0, z]}, "vertical_fov_deg": 10.0}
         rig = Rig.model_validate({"sensors": [*paper, second]})
-        tops = [s.xyz[2] + s.size[2] / 2 for s in parts.body_shapes(rig) if s.name == "mast"]
+        tops = [s.xyz[2] + s.size[2] / 2 for s in body_shapes(rig) if s.name == "mast"]
         assert all(top < z for top in tops)
         assert len(tops) == (z == 0.6)

@@ -22,13 +22,13 @@ from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
-from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.gazebo.robot import Flavour, Shape, body_shapes, robot_words, wheel_shape, write_robot
 from fieldtruth.sense.lens import pinhole
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 HUSKY = RobotConfig()
 FLAVOURS = get_args(Flavour)
@@ -71,6 +71,16 @@ def test_urdf_has_the_frames_of_tf_static(rig: Rig, tmp_path: Path) -> None:
         np.testing.assert_allclose(urdf.get_transform(child, parent), parent_from_child, rtol=0, atol=1e-9)
     base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     np.testing.assert_allclose(urdf.get_transform("left_camera_optical"), base_from_optical, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_a_kind_may_give_an_element_of_its_own(
+    flavour: Flavour, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(WheelOdometryConfig, "gazebo", lambda self, flavour: f"<sensor name='{self.name}' type='x'/>")
+    assert sdf(Rig(), flavour, tmp_path).find(".//link[@name='base_link']/sensor[@type='x']") is not None
+    urdf = ET.parse(tmp_path / "urdf/husky.urdf").getroot()
+    assert urdf.find("gazebo[@reference='base_link']/sensor[@type='x']") is not None
 
 
 @RIGS
@@ -150,7 +160,7 @@ def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str
     ],
 )
 def test_words_are_those_of_the_robot(robot: RobotConfig, title: str, name: str, tmp_path: Path) -> None:
-    assert parts.robot_words(robot) == (title, name)
+    assert robot_words(robot) == (title, name)
     write_robot(tmp_path, Rig(robot=robot), "classic")
     for path in ("models/husky/model.config", "models/husky/model.sdf", "urdf/husky.urdf"):
         assert f"{title} with " in (tmp_path / path).read_text().replace("&#39;", "'")
@@ -215,8 +225,8 @@ def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
     lidar = transforms.inverse(rig.lidar.mount.base_from_sensor)
     camera, intrinsics = rig.stereo, pinhole(rig.stereo)
-    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in parts.body_shapes(rig)]
-    drawn += [(parts.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
+    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in body_shapes(rig)]
+    drawn += [(wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
     for shape, xyz in drawn:
         points = _surface(shape) + xyz
         x, y, z = transforms.transform(lidar, points).T
@@ -247,7 +257,7 @@ def test_the_robot_casts_no_shadow(classic: Path) -> None:
     assert drawn == dark
 
 
-def _surface(shape: parts.Shape) -> Array:
+def _surface(shape: Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
     mesh.apply_transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
     points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)

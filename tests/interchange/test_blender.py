@@ -23,10 +23,9 @@ from fieldtruth.core.classes import Label
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import state_at
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.interchange import write_scene
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.world.build import load_world
 

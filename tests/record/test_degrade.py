@@ -88,7 +88,7 @@ def test_a_run_that_would_be_recorded_otherwise_is_refused(ideal: Path, tmp_path
     assert "speed: 0.3\n" in text
     (copy / "experiment.yaml").write_text(text.replace("speed: 0.3\n", "speed: 0.4\n"))
     line = r"differs in /ground_truth/odom from what fieldtruth records here \(its experiment or version was another\)"
-    for name, signal in (("seen", NOISE), ("felt", OF_MOTION)):
+    for name, signal in (("all", NOISE), ("motion", OF_MOTION)):
         with pytest.raises(BagError, match=line):
             degrade(copy, tmp_path / name, signal=signal)
     (copy / "made_by.json").unlink()

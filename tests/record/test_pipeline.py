@@ -286,8 +286,8 @@ SHAPES_SLICES = (
     "sensors/lidar/sensing",
     "sensors/camera/sensing",
     "world/model",
-    "sensors/lidar/message",
-    "sensors/camera/message",
+    "sensors/lidar/sensor",
+    "sensors/camera/sensor",
     "sensors/imu/sensor",
     "record/streams",
 )
@@ -305,8 +305,8 @@ def test_only_edits_of_code_that_makes_slices_change_their_key(
     monkeypatch.setattr(cache, "_ROOT", tmp_path)
     cache._sources_digest.cache_clear()
     before = slices_key()
-    with (tmp_path / "fieldtruth" / f"{module}.py").open("a") as file:
-        file.write("# edited\n")
+    edited = tmp_path / "fieldtruth" / f"{module}.py"
+    edited.write_text(edited.read_text() + "# edited\n")
     cache._sources_digest.cache_clear()
     assert (slices_key() != before) == changes
     cache._sources_digest.cache_clear()

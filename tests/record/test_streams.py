@@ -45,9 +45,8 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import poses_at, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.record.streams import streams_of
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -85,7 +85,7 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize("module", ["kernels/packets.py", "sense/embree.py", "kernels/light.py", "render/clouds.py"])
+@pytest.mark.parametrize("module", ["kernels/packets.py", "sense/embree.py", "kernels/light.py", "render/daylight.py"])
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]
     assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)

@@ -10,8 +10,8 @@ from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig, Preset
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, Shading
-from fieldtruth.render.atmosphere import LUMINANCE
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
+from fieldtruth.render.daylight import LUMINANCE
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera

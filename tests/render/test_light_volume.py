@@ -15,7 +15,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.kernels.light import AIR_LAYER, LightTable, among, falling_on
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.air import air_of
-from fieldtruth.render.atmosphere import sphere
+from fieldtruth.render.daylight import sphere
 from fieldtruth.render.light import COEFFICIENTS, bake_light, fill_volume
 from fieldtruth.render.materials import LEAF_GLOW, material_table
 from fieldtruth.render.surfaces import shading_of

@@ -13,9 +13,20 @@ from fieldtruth.experiment.light_config import PRESETS, Light, LightConfig, Pres
 from fieldtruth.kernels.camera import FILMIC, FILMIC_TOP
 from fieldtruth.kernels.clouds import MAP_TEXEL
 from fieldtruth.kernels.light import DISC, LIMB, RADIUS, Dome
-from fieldtruth.render.atmosphere import LUMINANCE, LUX_PER_UNIT, RGB_FROM_SPECTRUM, SOLAR
-from fieldtruth.render.clouds import FULLEST, SEEN, cumulus_map, passed_by
-from fieldtruth.render.daylight import Daylight, daylight, directions_of, metered_daylight
+from fieldtruth.render.daylight import (
+    FULLEST,
+    LUMINANCE,
+    LUX_PER_UNIT,
+    RGB_FROM_SPECTRUM,
+    SEEN,
+    SOLAR,
+    Daylight,
+    cumulus_map,
+    daylight,
+    directions_of,
+    metered_daylight,
+    passed_by,
+)
 
 SMALL = 256
 CLEAR = Light(180.0, 40.0, "none", 0.0, 2.5, 0.0)

@@ -179,7 +179,7 @@ def test_images_are_copies_from_the_bag(page: Page, messages: Messages) -> None:
 def test_curve_values_are_readings_from_the_bag(page: Page, messages: Messages) -> None:
     curves = page.data("numbers")["curves"]
     channels = {"speed": 1, "tilt": 2, "heading": 1, "height": 1}
-    channels |= {"turning": 3, "acceleration": 3, "wheels": 4, "gnss": 3}
+    channels |= {"turning": 3, "acceleration": 3, "wheels": 4, "position": 3}
     assert {curve: len(found) for curve, found in curves.items()} == channels
     assert [figure.get("data-key") for figure in page.root.findall(".//figure[@class='curve']")] == list(channels)
     start = 1_000_000

@@ -26,11 +26,11 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import FORMATS
+from fieldtruth.report import page as report_page
 from fieldtruth.report.drawing.images import jpeg_below
-from fieldtruth.report.page import LARGEST_PAGE, cloud, content, render_page, series, write_report
+from fieldtruth.report.page import LARGEST_PAGE, bag_pass, cloud, collect_content, render_page, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.bag_pass import summarize_bag
-from fieldtruth.report.page.content import collect_content
 
 
 def test_page_is_valid_html_and_self_contained(page: Page) -> None:
@@ -66,14 +66,14 @@ def test_inputs_have_labels_and_images_have_alt_texts(page: Page) -> None:
 
 def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
     """Every large part has a limit in bytes or in number; with half a megabyte of text, the sum is below the limit."""
-    images = content.SAMPLES * (2 * (content.PHOTO_BYTES + content.TAG_BYTES) + content.THUMBNAIL_BYTES)
+    images = report_page.SAMPLES * (2 * (report_page.PHOTO_BYTES + report_page.TAG_BYTES) + report_page.THUMBNAIL_BYTES)
     points = 7 * (cloud.LARGEST + cloud.PATH_POINTS) + cloud.POSTER_BYTES
     vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the SVG path and in the values
-    curves = series.CHANNELS * series.VERTICES * vertex
+    curves = bag_pass.CHANNELS * bag_pass.VERTICES * vertex
     positions = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
     assert 4 / 3 * (images + points + map_figure.PHOTO_BYTES) + curves + 2 * positions + 500_000 < LARGEST_PAGE
     assert sum(len(channels) for channels in page.data("numbers")["curves"].values()) == 18
-    assert all(len(base64.b64decode(p)) <= content.TAG_BYTES for p in page.images("image/png"))
+    assert all(len(base64.b64decode(p)) <= report_page.TAG_BYTES for p in page.images("image/png"))
     rest = re.sub(r"base64,[A-Za-z0-9+/=]+|(?<=cloud-data\">)[^<]*|(?<= d=\")[^\"]*", "", page.text)
     rest = re.sub(r"(?<=id=\"numbers\">)[^<]*", "", rest)
     assert len(rest) < 150_000
@@ -81,7 +81,7 @@ def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
 
 def test_jpeg_of_a_large_noisy_image_is_below_the_limit() -> None:
     noise = np.random.default_rng(5).integers(0, 256, (1080, 1920, 3), np.uint8)
-    assert len(jpeg_below(noise, content.PHOTO_BYTES)) <= content.PHOTO_BYTES
+    assert len(jpeg_below(noise, report_page.PHOTO_BYTES)) <= report_page.PHOTO_BYTES
 
 
 def test_snippets_run_and_commands_exist(

@@ -91,7 +91,7 @@ def test_hostile_names_are_escaped(small_run: Path, tmp_path: Path) -> None:
 
 
 def test_hostile_description_is_escaped(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldtruth.report.page.content.view_world", lambda *_: (None, ""))
+    monkeypatch.setattr("fieldtruth.report.page.view_world", lambda *_: (None, ""))
     folder = tmp_path / "park_1"
     folder.mkdir()
     only(small_run / "park_1.bag", folder / "park_1.bag", ODOMETRY, "/gazebo/model_states")

@@ -12,8 +12,18 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.bag_pass import class_ids, count_pixels
-from fieldtruth.report.page.series import BUCKETS, VERTICES, Fixes, Line, Motion, decimated, draw_curves, time_ticks
+from fieldtruth.report.page.bag_pass import (
+    BUCKETS,
+    VERTICES,
+    Fixes,
+    Line,
+    Motion,
+    class_ids,
+    count_pixels,
+    decimated,
+    draw_curves,
+    time_ticks,
+)
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9
@@ -156,7 +166,7 @@ def test_fixes_are_metres_from_the_first() -> None:
         [(0.0, 8.9, 2.0), (0.0, 8.9 + 10.0 / degree, 2.0), (0.0, 8.9, 5.0)]
     ):
         fixes.add(k * SECOND, (latitude, longitude, height))
-    found = fixes.lines((0, 2 * SECOND, BUCKETS))["gnss"]
+    found = fixes.lines((0, 2 * SECOND, BUCKETS))["position"]
     assert found["east"].values == pytest.approx([0.0, 10.0, 0.0], abs=1e-4)
     assert found["north"].values == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
     assert found["up"].values == pytest.approx([0.0, 0.0, 3.0], abs=1e-4)

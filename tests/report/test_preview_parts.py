@@ -12,13 +12,14 @@ from small_park import small_park
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.drive.traversability import distance_to, obstacle_outlines
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, Aerial, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
-from fieldtruth.report.preview.content import free_viewpoints, most_informative, obstacles
-from fieldtruth.report.preview.sheet import view_of
+from fieldtruth.report.preview import free_viewpoints, most_informative, view_of
 from fieldtruth.sense.scene import Scene
 
 
@@ -72,20 +73,18 @@ def test_most_informative_viewpoints_differ_in_classes_and_are_apart() -> None:
 
 def test_free_viewpoints_are_clear_of_obstacles_dry_and_face_the_middle() -> None:
     park = small_park()
-    found = free_viewpoints(park, 20, np.random.default_rng(1))
-    assert len(found) == 20
+    found = free_viewpoints(park, Rig())
+    assert len(found) == 40
     assert (np.abs(found[:, :2]) < 12).all()
-    x, y, radius = obstacles(park).T
-    away = np.hypot(found[:, :1] - x, found[:, 1:2] - y) - radius
-    assert away.min() > 1.5
-    trunks = sum(len(park.meshes[instance.mesh].colliders) for instance in park.instances)
-    assert len(radius) == trunks > 3
+    outlines = obstacle_outlines(park)
+    assert len(outlines) > 3
+    assert min(distance_to(each, found[:, :2]).min() for each in outlines) > 1.0
     towards = found[:, :2] + 5 * np.column_stack([np.cos(found[:, 2]), np.sin(found[:, 2])])
     assert np.hypot(*towards.T).mean() < np.hypot(*found[:, :2].T).mean()
     level = float(np.median(park.terrain.field.heights))
-    dry = free_viewpoints(replace(park, water_level=level), 20, np.random.default_rng(1))
+    dry = free_viewpoints(replace(park, water_level=level), Rig())
     assert (park.terrain.field.height_at(dry[:, 0], dry[:, 1]) > level).all()
-    assert len(free_viewpoints(replace(park, water_level=99.0), 20, np.random.default_rng(1))) == 0
+    assert len(free_viewpoints(replace(park, water_level=99.0), Rig())) == 0
 
 
 def test_cloud_points_are_drawn_at_their_projection_with_occlusion() -> None:

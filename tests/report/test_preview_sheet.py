@@ -12,10 +12,8 @@ import fieldtruth
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.report.preview import content as content_module
-from fieldtruth.report.preview import preview
-from fieldtruth.report.preview.content import SheetContent, collect_content
-from fieldtruth.report.preview.sheet import draw_sheet, occurring_classes
+from fieldtruth.report import preview as content_module
+from fieldtruth.report.preview import SheetContent, collect_content, draw_sheet, occurring_classes, preview
 
 pytestmark = pytest.mark.usefixtures("in_park")
 
@@ -38,7 +36,7 @@ def test_sheet_shows_route_views_cloud_and_shares(monkeypatch: pytest.MonkeyPatc
     assert len(found.viewpoints) == len(found.shares.pixels) == found.cloud.scans == 5
     assert len(found.views) == 4
     for view in found.views:
-        assert view.images.photo.shape == (48, 64, 3)
+        assert view.photo.shape == (48, 64, 3)
         assert any((view.viewpoint == viewpoint).all() for viewpoint in found.viewpoints)
     assert len(found.cloud.label) <= found.shares.points.sum()
     assert (np.abs(found.cloud.xyz[:, :2]) < 12).all()

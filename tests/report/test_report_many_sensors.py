@@ -27,12 +27,11 @@ from fieldtruth.core.readings import Inertial, Odometry
 from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.report import preview as content_module
 from fieldtruth.report.card import cloud_frames, frame_content, note_lines, sensor_lines
 from fieldtruth.report.page import write_report
 from fieldtruth.report.page.cloud import accumulate_scans
-from fieldtruth.report.preview import content as content_module
-from fieldtruth.report.preview.content import collect_content
-from fieldtruth.report.preview.sheet import draw_sheet
+from fieldtruth.report.preview import collect_content, draw_sheet
 from fieldtruth.report.shares import count_classes
 from fieldtruth.report.viewer import view
 from fieldtruth.sense.scene import Scene
@@ -80,7 +79,7 @@ def test_card_states_every_sensor_with_its_figures() -> None:
 
 def test_card_of_a_bare_rig_states_no_sensor_that_it_lacks() -> None:
     bare = Rig(sensors=())
-    assert sensor_lines(bare) == ["- Neither cameras nor LiDAR were enabled."]
+    assert sensor_lines(bare) == ["- No sensor that sees was enabled."]
     assert (note_lines(bare, Inertial), note_lines(bare, Odometry), cloud_frames(bare), frame_content(bare)) == (
         [],
         [],
@@ -159,7 +158,7 @@ def test_page_has_curves_of_every_imu_and_receiver(page: Page, many_run: Path) -
     assert keys[4:] == [
         *(f"{key} of {name}" for key in own for name in ("imu_front", "imu_rear")),
         "wheels",
-        *(f"gnss of {name}" for name in ("antenna_left", "antenna_right")),
+        *(f"position of {name}" for name in ("antenna_left", "antenna_right")),
     ]
     assert set(keys) == set(curves)
     for name in ("imu_front", "imu_rear"):
@@ -201,10 +200,10 @@ def test_cloud_has_the_points_of_each_lidar_in_the_world(page: Page, many_run: P
         assert count > 1000
         assert all(tuple(row) in known for row in own.round(6).tolist())
     assert first == len(found.xyz)
-    parts = page.data("cloud-settings")["lidars"]
+    parts = page.data("cloud-settings")["sensors"]
     path = page.data("cloud-settings")["count"] - first
     assert [count for _, count in parts] == [*(count for _, count in found.parts), path]
-    shown = [words(label.find("span")) for label in page.root.findall(".//fieldset[@id='lidars']/label")]  # type: ignore[arg-type]
+    shown = [words(label.find("span")) for label in page.root.findall(".//fieldset[@id='sensors']/label")]  # type: ignore[arg-type]
     assert shown == list(CLOUDS)
 
 
@@ -238,8 +237,8 @@ def test_viewer_has_every_sensor_in_its_frame(many_run: Path, tmp_path: Path) ->
         assert rows[f"{base}/{name}_link/{name}_link_optical/photograph"] == 2, name  # 5 images per second
         assert rows[f"{base}/{name}_link/{name}_link_optical/tag"] == 2, name
     assert pinholes == {f"{name}_link_optical" for name in ("pair_left", "pair_right", "front", "rear")}
-    assert {rows[f"/gnss/{name}"] for name in ("antenna_left", "antenna_right")} == {2}
-    assert rows["/curves/imu/imu_front/angular_velocity/x"] == 2 * rows["/curves/imu/imu_rear/angular_velocity/x"] == 84
+    assert {rows[f"/fixes/{name}"] for name in ("antenna_left", "antenna_right")} == {2}
+    assert rows["/curves/imu_front/angular_velocity/x"] == 2 * rows["/curves/imu_rear/angular_velocity/x"] == 84
 
 
 # Shares and preview --------------------------------------------------------------------------------------------------
@@ -276,7 +275,7 @@ def test_sheet_shows_the_first_camera_and_every_lidar_of_a_rig(
 ) -> None:
     monkeypatch.setattr(content_module, "experiments_in", lambda environment: [EXPERIMENT])
     found = collect_content(small_park(), aerial_width=160, rig=rig, spacing=3.0, workers=2, progress=Silent())
-    assert (found.camera.name if found.camera else None) == name
+    assert (found.imager.name if found.imager else None) == name
     assert len(found.views) == (4 if name else 0)
     assert found.cloud.scans == scans
     assert draw_sheet(found, 1200).shape[1:] == (1200, 3)

@@ -23,12 +23,12 @@ def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_without_options_it_prints_tree_and_sensors(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["rig", "park_1"]) == 0
     rig = load_experiment("park_1").rig
-    assert capsys.readouterr().out == f"{FORMATS['tree'](rig)}\n{sensor_table(rig)}"
+    assert capsys.readouterr().out == f"{FORMATS['tree'].text(rig)}\n{sensor_table(rig)}"
 
 
 @pytest.mark.parametrize(("to", "name"), [("tree", "rig.txt"), ("urdf", "rig.urdf"), ("camchain", "rig.yaml")])
 def test_formats_are_printed_or_written(to: str, name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    text = FORMATS[to](load_experiment("park_1").rig)
+    text = FORMATS[to].text(load_experiment("park_1").rig)
     assert cli.main(["rig", "park_1", "--to", to]) == 0
     assert capsys.readouterr().out == text
     assert cli.main(["rig", "park_1", "--to", to, "--out", name]) == 0

@@ -107,7 +107,7 @@ def test_the_hull_hides_ground_from_a_low_lidar_beside_it() -> None:
     rig = rig_of(kind="lidar", elevations_deg=[5.0, -60.0], mount={"xyz": [0.7, 0.0, 0.1]})
     coverage = ground_coverage(rig, half=4.0, step=0.1)
     middle = len(coverage.axis) // 2
-    seen = coverage.seen(lidar=True)
+    seen = coverage.seen(scans=True)
     ahead, behind = coverage.axis > 1.0, coverage.axis < -1.0
     assert seen[middle][ahead].all()
     assert not seen[middle][behind].any()
@@ -125,7 +125,7 @@ def test_every_point_of_the_ground_has_one_class() -> None:
     coverage = ground_coverage(many_rig(), half=5.0, step=0.1)
     classes = ground_classes(coverage)
     np.testing.assert_array_equal(sum(mask.astype(int) for mask in classes.values()), 1)
-    assert classes["LiDAR and camera"].any()
+    assert classes["clouds and images"].any()
     none = ground_classes(ground_coverage(Rig.model_validate({"sensors": []}), half=2.0, step=0.1))
     assert none["blind"].all()
 

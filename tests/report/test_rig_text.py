@@ -25,7 +25,7 @@ RIGS = pytest.mark.parametrize("rig", [Rig(), many_rig()], ids=["paper", "many"]
 
 @RIGS
 def test_the_tree_has_every_frame_once_below_its_parent(rig: Rig) -> None:
-    lines = FORMATS["tree"](rig).splitlines()[1:]
+    lines = FORMATS["tree"].text(rig).splitlines()[1:]
     parents: list[str] = []
     found: dict[tuple[str, str], list[float]] = {}
     for line in lines:
@@ -58,7 +58,7 @@ def test_the_table_has_a_line_for_each_sensor() -> None:
 )
 def test_the_urdf_has_the_transforms_of_the_rig(rig: Rig) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
-    read = yourdfpy.URDF.load(io.BytesIO(FORMATS["urdf"](rig).encode()), load_meshes=False)
+    read = yourdfpy.URDF.load(io.BytesIO(FORMATS["urdf"].text(rig).encode()), load_meshes=False)
     assert read.validate(), read.errors
     transforms = rig_transforms(rig)
     assert set(read.link_map) == {"base_link", *(child for _, child in transforms)}
@@ -78,7 +78,7 @@ def test_the_urdf_has_the_transforms_of_the_rig(rig: Rig) -> None:
 
 def camchain(rig: Rig) -> dict[str, dict[str, object]]:
     with pytest.warns(FieldtruthWarning, match="camera panorama has the lens equirectangular"):
-        text = FORMATS["camchain"](rig)
+        text = FORMATS["camchain"].text(rig)
     assert "# Left out: camera panorama has the lens equirectangular" in text
     return dict(yaml.safe_load(text))
 
@@ -130,7 +130,7 @@ def test_transforms_of_the_camchain_take_points_along_the_chain() -> None:
 
 
 def test_a_camchain_without_imu_has_only_the_cameras() -> None:
-    chain = yaml.safe_load(FORMATS["camchain"](Rig().with_sensors(ImuConfig, enabled=False)))
+    chain = yaml.safe_load(FORMATS["camchain"].text(Rig().with_sensors(ImuConfig, enabled=False)))
     assert list(chain) == ["cam0", "cam1"]
     assert not {"T_cam_imu", "timeshift_cam_imu"} & (chain["cam0"].keys() | chain["cam1"].keys())
     np.testing.assert_allclose(np.array(chain["cam1"]["T_cn_cnm1"])[:3, 3], [-0.12, 0.0, 0.0], atol=1e-12)
@@ -147,14 +147,14 @@ def test_a_camchain_without_imu_has_only_the_cameras() -> None:
 def test_without_a_camera_for_kalibr_it_is_one_line(lens: dict[str, object] | None, line: str) -> None:
     rig = Rig.model_validate({"cameras": {"lens": lens}}) if lens else Rig().with_sensors(CameraConfig, enabled=False)
     with pytest.raises(ConfigurationError, match="no camera for Kalibr") as error:
-        FORMATS["camchain"](rig)
+        FORMATS["camchain"].text(rig)
     assert line in str(error.value)
 
 
 def imu_files(*imus: dict[str, object]) -> list[dict[str, float]]:
     mount = {"mount": {"xyz": [0, 0, 0.5]}}
     rig = Rig.model_validate({"sensors": [{"kind": "imu", "name": f"i{k}", **mount, **i} for k, i in enumerate(imus)]})
-    return list(yaml.safe_load_all(FORMATS["imu"](rig)))
+    return list(yaml.safe_load_all(FORMATS["imu"].text(rig)))
 
 
 def test_kalibrs_imu_file_has_the_noise_of_the_imu() -> None:
@@ -195,4 +195,4 @@ def test_an_ideal_imu_gets_values_above_the_zero_that_kalibr_refuses() -> None:
     )
     assert all(value > 0.0 for key, value in ideal.items() if key != "rostopic")
     with pytest.raises(ConfigurationError, match="no IMU for Kalibr"):
-        FORMATS["imu"](Rig().with_sensors(ImuConfig, enabled=False))
+        FORMATS["imu"].text(Rig().with_sensors(ImuConfig, enabled=False))

@@ -9,10 +9,10 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.lens import pinhole
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 
 CONFIG = StereoConfig()

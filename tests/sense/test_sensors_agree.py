@@ -15,10 +15,10 @@ from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sense.lens import pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.world.backdrop import COARSER, NEAR_STEP
 from fieldtruth.world.build import build_world
-from fieldtruth.world.environments.park.config import CORRIDORS
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, Mesh, Swarm, World
 from fieldtruth.world.plants import TREES
 
@@ -163,7 +163,7 @@ def test_world_has_two_trails_with_a_border(world: World) -> None:
 
 def test_no_collider_near_routes(world: World) -> None:
     """No collider comes within 0.6 m of a corridor's centre line."""
-    for number, corners_of_line in enumerate(CORRIDORS):
+    for number, corners_of_line in enumerate(PLANTINGS["park"].corridors):
         line = np.array(corners_of_line)
         for instance in world.instances:
             pose, size = instance.world_from_object, scale_of(instance)

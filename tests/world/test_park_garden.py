@@ -11,8 +11,8 @@ from park_worlds import park_variant, real_park
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
+from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.environments.park.build import STONE, Bed, bed_distance
-from fieldtruth.world.environments.park.config import CORRIDORS
 from fieldtruth.world.model import LITTER, Swarm, World
 
 F8 = NDArray[np.float64]
@@ -115,7 +115,7 @@ def test_swarms_are_on_the_ground_off_trails_and_routes(world: World) -> None:
         z = s.world_from_object[:, 2, 3]
         assert np.abs(z - world.terrain.field.height_at(*xy.T)).max() < 0.03, s.name
         if s.name in ("bed_edges", "meadow_islands"):
-            for line in CORRIDORS:
+            for line in PLANTINGS["park"].corridors:
                 steps = [np.linspace(a, b, 100) for a, b in pairwise(line)]
                 assert nearest(np.concatenate(steps), xy)[0].min() > 1.1, s.name
 

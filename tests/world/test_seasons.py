@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Seasons: leaves by the table, wood and ground as in summer, colours that no label knows, snow by its law."""
 
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -23,7 +24,7 @@ from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.world.build import build_world, check_layout, read_world, save_world
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World, make_mesh
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_tree, grow_tuft
 from fieldtruth.world.seasons import SEASONAL, changes, seasons
 from fieldtruth.world.seasons.change import HOLDS, SLIDES, in_season, recoloured, snowed_in
@@ -281,6 +282,19 @@ def test_snow_slides_off_steep_ground(angle: float, share: float) -> None:
     assert level is not None
     inner = np.s_[10:-10, 10:-10]
     assert snow[inner].mean() == pytest.approx(share * level[inner].mean(), abs=0.003)
+
+
+def test_snow_beside_a_lake_takes_no_memory_for_its_surface() -> None:
+    corners = np.array([(x, y, -1.0) for x in (-300.0, 300.0) for y in (-300.0, 300.0)])
+    sheet = make_mesh("lake", corners, np.tile((0, 0, 1), (4, 1)), corners[:, :2], [[0, 2, 3], [0, 3, 1]], ("lawn",))
+    water = Instance(name="lake_1", kind="water", mesh="lake", object_id=2, world_from_object=np.eye(4))
+    plane = _slopes(0.0)
+    tracemalloc.start()
+    world = snowed_in(replace(plane, meshes={"lake": sheet}, instances=(water,)), 0.1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e8
+    np.testing.assert_array_equal(world.terrain.snow, snowed_in(plane, 0.1).terrain.snow)
 
 
 def test_no_snow_lies_below_a_table() -> None:

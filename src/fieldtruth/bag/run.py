@@ -82,7 +82,7 @@ def _stated(sensor: SensorConfig, message: Any) -> dict[str, Any]:
 
 
 def unlike(source: Source, message: Any) -> str:
-    """Describe differences of a message from its sensor's configuration: frame, size of images, rays of clouds."""
+    """Describe differences of a message from its sensor's configuration: frame, size, rays and fields of clouds."""
     frame = str(message.header.frame_id).strip("/") if hasattr(message, "header") else ""
     found = [f"the frame {frame!r}, not {source.frame!r}"] if source.frame and frame not in ("", source.frame) else []
     for key, value in _stated(source.config, message).items():
@@ -90,7 +90,25 @@ def unlike(source: Source, message: Any) -> str:
         # The uppermost rings may see the sky only, so that no point has their number.
         if key != "frame" and (value > own if key in ("rings", "columns") else value != own):
             found.append(f"{value} {key}, not {own}")
-    return " and ".join(found)
+    return " and ".join([*found, *_other_fields(source.config.cloud_fields(), message)])
+
+
+def _other_fields(due: Mapping[str, str], message: Any) -> Iterator[str]:
+    """Describe how the fields of a cloud differ from those that its sensor writes."""
+    if not due or not hasattr(message, "fields"):
+        return
+    with suppress(BagError):
+        dtype = points(message).dtype
+        found = {name: dtype[name].str for name in dtype.names or ()}
+        lacking, more = [name for name in due if name not in found], [name for name in found if name not in due]
+        if lacking:
+            yield f"no field {', '.join(lacking)}"
+        if more and not (more == ["t"] and not lacking):  # of LiDARs that do not spin it is zero, or left out
+            yield f"a further field {', '.join(more)}"
+        # Ids have 16 or 32 bits, by the number of objects.
+        other = [n for n in due if n in found and n != "instance" and np.dtype(due[n]) != np.dtype(found[n])]
+        for name in other:
+            yield f"{name} as {found[name][1:]}, not {due[name][1:]}"
 
 
 def misfits(run: BagFile) -> str:
@@ -224,7 +242,7 @@ class Run(BagFile):
         if labelled and source.type is Cloud:
             warn_of_intensity(message, source.topic, self.bag)
         if self.experiment is not None and (text := unlike(source, message)):
-            name = f"{self.bag}: {source.topics[found.parts[0]]} has {text} as in experiment.yaml; the bag counts"
+            name = f"{self.bag}: {source.topics[found.parts[0]]} has {text}, unlike experiment.yaml; the bag counts"
             warnings.warn(name, FieldtruthWarning, stacklevel=5)
 
     def messages(self, topic: str) -> Readings:

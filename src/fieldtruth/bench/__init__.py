@@ -4,37 +4,31 @@
 
 import sys
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Final
 
-from fieldtruth.bench.sensors import measure_cameras, measure_lidars, recording, stretches_of
+from fieldtruth.bench.sensors import measure_sensors, recording, stretches_of
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.first_run import wait_for_kernels
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.environments import ENVIRONMENTS
 
-UNITS: Final = {
-    "lidar_mrays_per_s": "Mrays/s",
-    "lidar_bare_mrays_per_s": "Mrays/s",
-    "lidar_over_bare": "x",
-    "camera_bare_mrays_per_s": "Mrays/s",
-    "label_image_over_bare": "x",
-    "photograph_over_bare": "x",
-    "normals_over_bare": "x",
-    "flow_over_bare": "x",
+_UNITS: Final = {
+    "_mrays_per_s": "Mrays/s",
     "images_per_s": "images/s",
-    "stereo_pairs_per_s": "pairs/s",
-    "image_efficiency": "x",
-    "peak_rss_mb": "MB",
+    "pairs_per_s": "pairs/s",
+    "_mb": "MB",
+    "_s": "s",
 }
-"""Figures and their units; docs/benchmarks.md explains them."""
+"""Units of figures by the end of their names, other than a ratio; docs/benchmarks.md explains the figures."""
 DRIVE_S: Final = 60.0
 """Simulated time [s] of the drive, along which the views are."""
 _SCANS: Final = 10  # of each LiDAR in each stretch: they are short, so that a single interruption matters
@@ -42,7 +36,7 @@ _SCANS: Final = 10  # of each LiDAR in each stretch: they are short, so that a s
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What is measured, and how often."""
+    """The experiment that is measured, and the number of views."""
 
     experiment: Experiment
     views: int = 12
@@ -64,31 +58,33 @@ def settings_of(environment: str) -> Settings:
 
 
 def measure(settings: Settings, progress: Progress | None = None) -> dict[str, float]:
-    """Measure the figures of ``UNITS`` that the rig has; without peak memory on Windows.
+    """Measure the figures of the sensors that see; without peak memory on Windows.
 
     With world, light and kernels in the cache it takes about a minute. Figures are sums over the sensors of a kind.
     """
     progress, workers = progress or Silent(), cpu_count()
     made = settings.experiment
+    sensors = tuple(each for each in made.rig.in_order() if each.sees)
+    rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
     simulation = Simulation(with_overrides(made, seconds=min(made.seconds or DRIVE_S, DRIVE_S)))
     with progress.stage("build the world"):
-        scene = simulation.scene
+        simulation.world  # noqa: B018
     with progress.stage("drive"):
         driven = simulation.drive()
     with progress.stage("bake the light"):
         baked, track = driven.sensor_world.baked, driven.track
     wait_for_kernels(progress)
-    sensors = (*made.rig.enabled(CameraConfig), *made.rig.enabled(LidarConfig))
-    rig = made.rig.model_copy(update={"sensors": sensors}).with_each(lambda each: {"rate_hz": max(1.0, each.rate_hz)})
-    stretches = stretches_of(track.duration_s, settings.views, workers)
-    with progress.stage("LiDAR"):
-        found = measure_lidars(scene, track, rig, stretches._replace(views=_SCANS), workers)
-    if not rig.enabled(CameraConfig):
-        return found | peak_memory()
-    alone = rig.model_copy(update={"sensors": rig.enabled(CameraConfig)})
-    with progress.stage("cameras"), recording(baked, track, alone, stretches, workers) as slices:
-        peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
-        found |= measure_cameras(baked, track, rig, stretches, slices, workers)
+    stretches, found, peak = stretches_of(track.duration_s, settings.views, workers), dict[str, float](), peak_memory()
+    for each in dict.fromkeys(map(sensor_class, rig.sensors)):
+        alike = tuple(config for config in rig.sensors if sensor_class(config) is each)
+        with progress.stage(alike[0].noun), ExitStack() as stack:
+            if issubclass(alike[0].gives, Image):
+                alone = rig.model_copy(update={"sensors": alike})
+                slices = stack.enter_context(recording(baked, track, alone, stretches, workers))
+                peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
+                found |= measure_sensors(driven, alike, stretches, workers, slices)
+            else:
+                found |= measure_sensors(driven, alike, stretches._replace(views=_SCANS), workers)
     return found | peak
 
 
@@ -102,10 +98,15 @@ def peak_memory() -> dict[str, float]:
     return {"peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit}
 
 
-def table(figures: Mapping[str, float], units: Mapping[str, str] = UNITS) -> str:
+def unit_of(figure: str) -> str:
+    """Return the unit of a figure; of a ratio x."""
+    return next((unit for end, unit in _UNITS.items() if figure.endswith(end)), "x")
+
+
+def table(figures: Mapping[str, float]) -> str:
     """Figures as lines of text: name, value, unit."""
     lines = [f"{'figure':<28}{'value':>9}  unit"]
     for key, value in figures.items():
         shown = f"{value:.0f}" if value >= 1000 else f"{value:#.3g}"
-        lines.append(f"{key:<28}{shown:>9}  {units[key]}")
+        lines.append(f"{key:<28}{shown:>9}  {unit_of(key)}")
     return "\n".join(lines)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, thread_time
@@ -21,26 +20,94 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.topics import topics_of
-from fieldtruth.bench.bare import BareTracer, best_mode
-from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
-from fieldtruth.core.lenses import directions
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.kernels import packets
+from fieldtruth.kernels.bare import FIELDS, TRACERS, BarePacket
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, Stream, streams_of
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.sensing import IdealCamera
-from fieldtruth.sensors.kind import At, Movement, SensorWorld, movement_of
-from fieldtruth.sensors.known import new_sensors
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, standing
+from fieldtruth.sensors.known import new_sensors, sensor_class
+from fieldtruth.simulation.stepped import Driven
 
+_WORDS: Final = packets.RAYHIT_WORDS // packets.LANES
 _SECOND_NS: Final = 10**9
+_TRIAL_POSES = 4
+
+
+class Mode(NamedTuple):
+    """Packets of ``lanes`` rays in tiles of ``rows`` x lanes / rows, with or without Embree's flag ``coherent``."""
+
+    lanes: int
+    rows: int
+    coherent: bool
+
+
+MODES: Final = (
+    Mode(1, 1, False),  # the flag does not affect single rays
+    *(Mode(8, rows, coherent) for rows in (1, 2, 4, 8) for coherent in (False, True)),
+    *(Mode(16, rows, coherent) for rows in (1, 2, 4, 8, 16) for coherent in (False, True)),
+)
+
+
+class BareTracer:
+    """Traces rays of fixed unit ``directions`` (rows, columns, 3) in the sensor's frame, up to ``far`` [m].
+
+    Raises:
+        ValueError: rows and columns are not multiples of the tile.
+    """
+
+    def __init__(self, scene: np.uint64, directions: Float32Array, far: float, mode: Mode) -> None:
+        rows, columns, lanes = mode.rows, mode.lanes // mode.rows, mode.lanes
+        height, width = directions.shape[:2]
+        if height % rows or width % columns:
+            raise ValueError(f"rays must be a multiple of tiles of {rows} x {columns}, got {height} x {width}")
+        self._tiles = (height // rows, rows, width // columns, columns)
+        tiles = directions.reshape(*self._tiles, 3).transpose(0, 2, 4, 1, 3)
+        self._directions = np.ascontiguousarray(tiles, np.float32).reshape(-1, 3, lanes)
+        self._distance = np.zeros((len(self._directions), lanes), np.float32)
+        ray, valid = packets.aligned(_WORDS * lanes), packets.aligned(lanes, np.int32)
+        words, arguments = ray.view(np.uint32), packets.arguments_block(coherent=mode.coherent)
+        words[FIELDS["MASK"] * lanes :][:lanes] = packets.MISS
+        valid[:] = -1
+        self._packet = BarePacket(ray, words, ray.ctypes.data, valid.ctypes.data, arguments.ctypes.data)
+        self._kept = valid, arguments  # the packet has their addresses
+        self._kernel = TRACERS[lanes]
+        self._scene, self._far = scene, np.float32(far)
+
+    def trace(self, world_from_sensor: Array) -> None:
+        """Trace all rays from a pose (4, 4)."""
+        pose = world_from_sensor.astype(np.float32)
+        self._kernel(self._scene, self._packet, pose, self._directions, self._far, self._distance)
+
+    @property
+    def distances(self) -> Float32Array:
+        """Distances [m] (rows, columns) of the last trace's hits; ``far`` for a miss."""
+        tall, rows, wide, columns = self._tiles
+        return (
+            self._distance.reshape(tall, wide, rows, columns).transpose(0, 2, 1, 3).reshape(tall * rows, wide * columns)
+        )
+
+
+def best_mode(scene: np.uint64, directions: Float32Array, far: float, poses: Sequence[Array]) -> Mode:
+    """Find the fastest mode: all whose tiles fit are tried from the first pose, the three best from all ``poses``."""
+
+    def seconds(mode: Mode, poses: Sequence[Array]) -> float:
+        tracer = BareTracer(scene, directions, far, mode)
+        tracer.trace(poses[0])  # compiled, and its memory used, before the clock runs
+        start = perf_counter()
+        for pose in poses:
+            tracer.trace(pose)
+        return perf_counter() - start
+
+    height, width = directions.shape[:2]
+    fitting = [mode for mode in MODES if height % mode.rows == 0 and width % (mode.lanes // mode.rows) == 0]
+    leaders = sorted(fitting, key=lambda mode: seconds(mode, poses[:1]))[:3]
+    return min(leaders, key=lambda mode: seconds(mode, poses))
 
 
 class Stretches(NamedTuple):
@@ -64,8 +131,8 @@ def stretches_of(duration_s: float, views: int, workers: int) -> Stretches:
 
 @contextmanager
 def recording(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> Iterator[Slices]:
-    """Give the slices of what the cameras and LiDARs of a rig see, to be made by ``workers`` threads."""
-    rig = rig.model_copy(update={"sensors": (*rig.enabled(CameraConfig), *rig.enabled(LidarConfig))})
+    """Give the slices of what the sensors of a rig see, to be made by ``workers`` threads."""
+    rig = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.enabled and each.sees)})
     topics = [topic for topic in topics_of(rig) if topic.sensor]
     names = {topic.name for topic in topics}
     every = streams_of(baked.scene.world, track, rig)
@@ -95,37 +162,29 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
     ``used``: after the first use of their memory, which a long run pays once.
     """
     sensors = new_sensors(SensorWorld(baked.scene.world, rig, baked=baked, reuse=True))
-    still = Movement(lambda stamps: np.tile(np.eye(4), (*np.shape(stamps), 1, 1)))
     for sensor in sensors.values() if used else ():
         for output in sensor.config.outputs():
-            sensor.read(output, At(0, 0, 0, still))
+            sensor.read(output, At(0, 0, 0, standing(np.eye(4))))
     return sensors
 
 
-_TRIAL_POSES = 4
-_STEP: Final = transforms.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
-"""From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
-Group = list[Callable[[Array], object]]
-"""Bare Embree or a sensor, called with its pose, and those that need its result."""
+Task = Callable[[Array], object]
 
 
-def pixel_directions(config: CameraConfig) -> Float32Array:
-    """Unit directions (h, w, 3) through the pixel centres in the optical frame.
-
-    Pixels for which the lens has no ray get the optical axis, because bare Embree traces rows and columns.
-    """
-    u, v = np.arange(config.width), np.arange(config.height)[:, None]
-    found = np.asarray(directions(config.projection, u, v), np.float32)
-    return np.where(np.isnan(found), np.array([0.0, 0.0, 1.0], np.float32), found)
+"""Bare Embree or what a sensor makes of its rays, called with its pose."""
 
 
 @dataclass(frozen=True)
 class Views:
-    """Poses of a sensor in each stretch of the drive, and what takes turns there: bare Embree and sensors."""
+    """Poses of a sensor in each stretch of the drive; bare Embree and the sensor's tasks take turns there."""
 
     poses: list[list[Array]]
-    new_groups: Callable[[], list[Group]]
-    """Makes those of one thread."""
+    rays: int
+    """Of all views."""
+    names: tuple[str, ...]
+    """Of the tasks."""
+    new_groups: Callable[[], list[list[Task]]]
+    """Makes those of one thread; the tasks of a group need the results of those before them."""
 
     @property
     def count(self) -> int:
@@ -133,50 +192,61 @@ class Views:
         return sum(map(len, self.poses))
 
 
-def measure_lidars(scene: Scene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> dict[str, float]:
-    """Rates of labelled scans of all LiDARs and of bare rays, each in a thread of its own; empty without LiDAR."""
-    if not rig.enabled(LidarConfig):
-        return {}
-    views, rays = [], 0
-    for config in rig.enabled(LidarConfig):
-        directions = ray_directions(config).astype(np.float32)
-        poses = _poses(track, stretches, config.rate_hz, [config.mount.base_from_sensor])
-        views.append(_views(scene, directions, config.max_range, poses, partial(_scans, config, scene)))
-        rays += views[-1].count * directions.size // 3
-    bare, scan = _core_seconds(views, workers)[:, 0].tolist()
-    return {
-        "lidar_mrays_per_s": rays / 1e6 / scan,
-        "lidar_bare_mrays_per_s": rays / 1e6 / bare,
-        "lidar_over_bare": scan / bare,
-    }
-
-
-def measure_cameras(
-    baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, slices: Slices, workers: int
+def measure_sensors(
+    driven: Driven, sensors: Sequence[SensorConfig], stretches: Stretches, workers: int, slices: Slices | None = None
 ) -> dict[str, float]:
-    """Label images and photographs of all cameras against bare rays, and the recording of the same views as ``slices``.
+    """Rates of sensors of one class and of bare rays in the same directions, each in a thread of its own.
 
-    Pairs are counted if the only cameras are a stereo pair.
+    With ``slices`` also of the recording of the same views; pairs are counted if the only sensor is one.
     """
-    views, rays = [], 0
-    for config in rig.enabled(CameraConfig):
-        directions = pixel_directions(config)
-        poses = _poses(track, stretches, config.rate_hz, [imager.base_from_optical for imager in config.imagers()])
-        views.append(_views(baked.scene, directions, config.far, poses, partial(_images, config, baked)))
-        rays += views[-1].count * directions.size // 3
-    seconds = _core_seconds(views, workers, lambda k: slices.make_one(stretches.seconds[k]))
-    bare, label, photo, normals, flow, recorded = seconds[:, 0].tolist()
+    views = [each for each in (_views(driven, config, stretches) for config in sensors) if each is not None]
+    if not views:
+        return {}
+    record = None if slices is None else lambda k: slices.make_one(stretches.seconds[k])
+    seconds, rays = _core_seconds(views, workers, record), sum(each.rays for each in views)
+    bare, tasks = seconds[0, 0], dict(zip(views[0].names, seconds[1:, 0].tolist(), strict=False))
+    family = sensors[0].family
     found = {
-        "camera_bare_mrays_per_s": rays / 1e6 / bare,
-        "label_image_over_bare": label / bare,
-        "photograph_over_bare": photo / bare,
-        "normals_over_bare": normals / bare,
-        "flow_over_bare": flow / bare,
-        "images_per_s": sum(each.count for each in views) * workers / float(seconds[-1, 1]),
+        f"{family}_mrays_per_s": rays / 1e6 / next(iter(tasks.values())),
+        f"{family}_bare_mrays_per_s": rays / 1e6 / bare,
+        **{f"{name}_over_bare": took / bare for name, took in tasks.items()},
     }
-    if len(rig.enabled(CameraConfig)) == 1 and len(rig.imagers) == 2:
-        found["stereo_pairs_per_s"] = found["images_per_s"] / 2.0
-    return found | {"image_efficiency": bare / recorded}
+    if slices is not None:
+        found["images_per_s"] = sum(each.count for each in views) * workers / float(seconds[-1, 1])
+        if len(sensors) == 1 and len(_mounts(sensors[0])) == 2:
+            found["pairs_per_s"] = found["images_per_s"] / 2.0
+        found["image_efficiency"] = bare / float(seconds[-1, 0])
+    return found
+
+
+def _views(driven: Driven, config: SensorConfig, stretches: Stretches) -> Views | None:
+    """Views of a sensor, with bare Embree in its best mode; None for one that has no rays."""
+
+    def new_sensor() -> Sensor:
+        return sensor_class(config)(config, driven.sensor_world)
+
+    rays = new_sensor().rays()
+    if rays is None:
+        return None
+    directions, handle = rays.directions, driven.sensor_world.scene.rays.handle
+    poses = _poses(driven.track, stretches, config.rate_hz, _mounts(config))
+    first = [stretch[0] for stretch in poses if stretch]
+    mode = best_mode(handle, directions, rays.far, first[:: -(-len(first) // _TRIAL_POSES)])
+
+    def new_groups() -> list[list[Task]]:
+        own = new_sensor().rays()
+        assert own is not None
+        bare = BareTracer(handle, directions, rays.far, mode).trace
+        return [[bare], *(list(group.values()) for group in own.tasks)]
+
+    count = sum(map(len, poses)) * directions.size // 3
+    return Views(poses, count, tuple(name for group in rays.tasks for name in group), new_groups)
+
+
+def _mounts(config: SensorConfig) -> list[Array]:
+    """Poses base_from_sensor (4, 4) of the frames of the readings that a sensor takes at a stamp."""
+    frames = config.base_from_frames()
+    return [frames[output.frame] for output in config.outputs() if not output.ideal]
 
 
 def _poses(track: Track, stretches: Stretches, rate_hz: float, mounts: Sequence[Array]) -> list[list[Array]]:
@@ -186,34 +256,6 @@ def _poses(track: Track, stretches: Stretches, rate_hz: float, mounts: Sequence[
         [movement.pose(int(stamp)) @ mount for stamp in stamps[rows] for mount in mounts]
         for rows in stretches.rows(stamps)
     ]
-
-
-def _scans(config: LidarConfig, scene: Scene) -> list[Group]:
-    return [[IdealLidar(config, scene).scan]]
-
-
-def _images(config: CameraConfig, baked: BakedScene) -> list[Group]:
-    camera = IdealCamera(config, baked, reuse=True)
-    geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
-
-    def flow(pose: Array) -> object:  # from the labels that the camera has just made from the same pose
-        assert geometry.last is not None
-        return geometry.flow(geometry.last, pose, pose @ _STEP)
-
-    return [[camera.label], [camera.render], [geometry.label, flow]]
-
-
-def _views(
-    scene: Scene,
-    directions: Float32Array,
-    far: float,
-    poses: list[list[Array]],
-    new_sensors: Callable[[], list[Group]],
-) -> Views:
-    """Views of a sensor with rays in these directions, with bare Embree in its best mode."""
-    handle, first = scene.rays.handle, [stretch[0] for stretch in poses if stretch]
-    mode = best_mode(handle, directions, far, first[:: -(-len(first) // _TRIAL_POSES)])
-    return Views(poses, lambda: [[BareTracer(handle, directions, far, mode).trace], *new_sensors()])
 
 
 def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], object] | None = None) -> Array:
@@ -241,7 +283,7 @@ def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], 
     return total
 
 
-def _seconds(group: Group, poses: Sequence[Array]) -> Array:
+def _seconds(group: Sequence[Task], poses: Sequence[Array]) -> Array:
     """Times [s] of each of a group, as ``seconds_of``, over consecutive views.
 
     Other work between them would leave less of the scene in the processor's cache.

@@ -12,13 +12,23 @@ values, all equally likely without weights. Values of a choice may hold distribu
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import Annotated, Any, Final, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from fieldtruth.experiment.config import Experiment, OneLine
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive, configuration_error, shortened
+from fieldtruth.experiment.fields import (
+    Boolean,
+    Frozen,
+    Integer,
+    LocatedError,
+    Number,
+    Positive,
+    configuration_error,
+    shortened,
+)
+from fieldtruth.experiment.sensor_config import KINDS, known_switches
 
 Tree = Any
 """Plain values, lists and mappings as YAML has them, with distributions in them."""
@@ -235,6 +245,8 @@ class Split(Frozen):
 class Campaign(Frozen):
     """Many runs: the complete input of a folder of data sets. Same campaign, same runs, same bytes."""
 
+    besides: ClassVar = tuple(dict.fromkeys(config.switch for config in KINDS.values() if config.switch))
+
     name: CampaignName
     description: OneLine = ""
     seed: Annotated[Integer, Field(ge=0, le=2**63 - 1)] = 0
@@ -257,12 +269,25 @@ class Campaign(Frozen):
     rigs: Distributed = Field(default_factory=dict)
     seconds: Distributed = None
     """End of each run [s] of simulated time."""
-    cameras: Boolean | None = None
-    lidar: Boolean | None = None
+    switches: dict[str, Boolean] = Field(default_factory=dict, description="a mapping of switches to true or false")
+    """Whether all sensors with a switch are simulated; in a file as keys of their own, such as ``cameras: false``."""
     extras: tuple[str, ...] | None = None
     signal: Annotated[Words | dict[str, Any] | None, Field(description=SIGNALS)] = None
     split: Split | None = None
     """None: all runs in one folder."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _switched(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        keys = [key for key in known_switches() if key in given]
+        for key in keys:
+            if not isinstance(given[key], bool | None):
+                raise LocatedError(f"must be true or false, got {shortened(given[key])}", [key])
+        switches = dict(given.get("switches", {})) | {key: given[key] for key in keys if given[key] is not None}
+        rest = {key: value for key, value in given.items() if key not in keys}
+        return rest | {"switches": switches} if switches else rest
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

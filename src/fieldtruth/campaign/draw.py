@@ -284,7 +284,7 @@ def _finished(campaign: Campaign, values: dict[str, Any], k: int) -> Experiment:
         experiment = Experiment.model_validate(values)
         frames = experiment.frames is not None  # as many as its count says
         seconds = None if frames else drawn(campaign.seconds, _rng(campaign, _RUN, k, "seconds"))
-        kept = {key: getattr(campaign, key) for key in ("cameras", "lidar", "extras", "signal")}
+        kept: dict[str, Any] = {"extras": campaign.extras, "signal": campaign.signal, **campaign.switches}
         return with_overrides(experiment, seconds=seconds, **kept)
     except ValidationError as report:
         raise configuration_error(Experiment, report, str(values["name"])) from report

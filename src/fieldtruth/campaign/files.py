@@ -22,8 +22,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import with_signal_files
-from fieldtruth.experiment.sensor_families import EXTRAS
+from fieldtruth.experiment.sensor_config import MODELS, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout
@@ -103,6 +102,8 @@ def dump_campaign(campaign: Campaign) -> str:
     for experiment, written in zip(campaign.experiments, values.get("experiments", ()), strict=True):
         if "rig" in written:  # the defaults of a sensor depend on its kind, name and model
             written["rig"]["sensors"] = [sensor.model_dump(mode="json") for sensor in experiment.rig.sensors]
+            written["rig"][MODELS] = experiment.rig.models()
+    values |= values.pop("switches", {})
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 
@@ -111,18 +112,16 @@ def with_changes(
     *,
     seconds: float | None = None,
     seed: int | None = None,
-    cameras: bool | None = None,
-    lidar: bool | None = None,
     extras: Sequence[str] | None = None,
     signal: str | Mapping[str, Any] | None = None,
     light: str | None = None,
+    **switches: bool | None,
 ) -> Campaign:
     """Return a copy whose runs have other values; None keeps those of the campaign.
 
     ``seed`` is the root of what is drawn, or the seed of every listed experiment.
     """
-    changes = {"seconds": seconds, "cameras": cameras, "lidar": lidar, "extras": extras, "signal": signal}
-    changes["lights"] = light
+    changes = {"seconds": seconds, "extras": extras, "signal": signal, "lights": light, **switches}
     changes["seeds" if campaign.experiments else "seed"] = seed
     values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
     return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")
@@ -168,8 +167,8 @@ def check_campaign(campaign: Campaign, source: str) -> None:
             if not campaign.experiments:
                 _check_values({name: end}, f"{source}: {position}")
     for name in campaign.extras or ():
-        if name not in EXTRAS:
-            raise UnknownNameError("extra", name, EXTRAS, source)
+        if name not in (known := known_extras()):
+            raise UnknownNameError("extra", name, known, source)
     runs = campaign.experiments or (() if campaign.routes == BUILT_IN else entries(campaign.routes))
     if campaign.seconds is not None and runs and all(map(_has_frames, runs)):
         raise ConfigurationError(f"{source}: seconds is for drives; of frames, frames.count says how many there are")

@@ -37,8 +37,7 @@ def changes(options: argparse.Namespace) -> dict[str, Any]:
     return {
         "seconds": options.seconds,
         "seed": options.seed,
-        "cameras": False if options.no_cameras else None,
-        "lidar": False if options.no_lidar else None,
+        **dict.fromkeys(options.off or (), False),
         "extras": options.extras,
         "light": options.light,
         "signal": None if options.signal is None else read_signal(options.signal),
@@ -103,7 +102,7 @@ def add_arguments(parser: Parser, rows: Mapping[str, str | Mapping[str, Any]]) -
         if given.pop("exclusive", False):
             owner = groups[True] = groups.get(True) or parser.add_mutually_exclusive_group()
         if "metavar" not in given:
-            given["action"] = "store_true"
+            given.setdefault("action", "store_true")
         if "type" in given:
             given["type"] = _TYPES[given["type"]]
         if given.get("default") == "cores":

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.cli.arguments import UsageError, changes
+from fieldtruth.cli.arguments import UsageError, changes, checked_layout
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 from fieldtruth.core.files import output_folder, output_path
@@ -139,7 +139,7 @@ def _generate(options: argparse.Namespace) -> int | None:
     # After the checks: compiled kernels and physics take a second to load.
     from fieldtruth.pipeline import generate_by
 
-    with _engine(options) as engine, show_progress() as progress:
+    with _engine(options) as engine, show_progress(title=_title(experiment)) as progress:
         bag = generate_by(
             engine,
             experiment,
@@ -150,6 +150,19 @@ def _generate(options: argparse.Namespace) -> int | None:
         )
     _print_bag(bag, start)
     return None
+
+
+def _title(experiment: "Experiment") -> str:
+    """Say what is simulated, and how much longer a first run takes."""
+    from fieldtruth.simulation.first_run import lacks_kernels
+
+    made = experiment
+    what = (
+        f"{made.seconds:g} s" if made.seconds else "the route" if made.frames is None else f"{made.frames.count} frames"
+    )
+    sensors = f"{len(made.rig.in_order())} sensors in {made.environment}, seed {made.seed}"
+    first = "; the first run compiles, too, and takes a minute or two longer than later ones"
+    return f"{made.name}: {what} with {sensors}{first * lacks_kernels(made)}"
 
 
 def _print_bag(bag: Path, start: float) -> None:
@@ -238,12 +251,19 @@ def _preview(options: argparse.Namespace) -> None:
     ENVIRONMENTS.find(options.environment)
     path = f"{options.environment}_{options.seed}_preview.png" if options.out is None else options.out
     path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
+    layout = None if options.layout is None else checked_layout(options.environment, options.layout)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
 
-    width = WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH
     with show_progress() as progress:
-        sheet = preview(options.environment, options.seed, width=width, workers=options.workers, progress=progress)
+        sheet = preview(
+            options.environment,
+            options.seed,
+            layout=layout,
+            width=WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH,
+            workers=options.workers,
+            progress=progress,
+        )
     write_image(path, sheet, overwrite=options.overwrite)
     print_output(path, f"{sheet.shape[1]} x {sheet.shape[0]} pixels")
 

@@ -40,6 +40,7 @@ def _export(options: argparse.Namespace) -> None:
 
 def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
+    from fieldtruth.core.readings import Cloud
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.rig import Rig
 
@@ -48,8 +49,8 @@ def _annotate(options: argparse.Namespace) -> None:
         expected = f"{like.environment!r}, the environment of {options.experiment}"
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
-    if not options.lidar:
-        rig = rig.with_each(lambda each: {"enabled": False} if each.switch == "lidar" else {})
+    if not options.clouds:
+        rig = rig.with_each(lambda each: {"enabled": False} if issubclass(each.gives, Cloud) else {})
     world = (
         WorldConfig(options.environment)
         if like is None

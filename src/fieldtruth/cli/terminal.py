@@ -23,7 +23,7 @@ from typing import Any, Final, NoReturn, TextIO, cast
 from fieldtruth.core.errors import FieldtruthWarning, OutputError
 
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ESHUTDOWN)
-"""What a pipe or socket says whose reader has ended."""
+"""Errors of a pipe or socket whose reader has ended."""
 INTERRUPTED: Final = 130
 """Exit code."""
 _SHOW_CURSOR: Final = "\x1b[?25h\n"  # bars of progress hide it

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from fieldtruth.experiment.config import Experiment
     from fieldtruth.world.model import World
 
-_YAML: Final = (".yaml", ".yml")
-_ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": _YAML, "imu": _YAML}
-
 
 def selected_world(options: argparse.Namespace, default: Mapping[str, Any] | None = None) -> "World":
     """Load the world that the arguments select; ``default`` are changes of the layout that its file may replace."""
@@ -74,7 +71,7 @@ def _gazebo(options: argparse.Namespace) -> None:
 def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
     """Load an experiment in this environment, whose sensors Gazebo has."""
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.gazebo.robot.parts import check_rig
+    from fieldtruth.gazebo.robot import check_rig
     from fieldtruth.world.build import check_layout
 
     like = load_experiment(name_or_path)
@@ -89,22 +86,20 @@ def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
 def _rig(options: argparse.Namespace) -> None:
     if options.to is not None and options.preview:
         raise UsageError("give either --to or --preview")
-    if options.to not in (None, *_ENDINGS):
-        raise UnknownNameError("format", options.to, _ENDINGS)
     if options.preview:
         _draw(options)
         return
-    from fieldtruth.experiment.files import load_experiment
-
-    out = options.out
-    if out is not None:
-        endings = _ENDINGS[options.to or "tree"]
-        out = output_path(out, endings=endings, parents=False, overwrite=options.overwrite)
-    rig = load_experiment(options.experiment).rig
     from fieldtruth.core.files import output_errors, write_atomically
+    from fieldtruth.experiment.files import load_experiment
     from fieldtruth.report.rig import FORMATS, sensor_table
 
-    text = FORMATS[options.to](rig) if options.to is not None else f"{FORMATS['tree'](rig)}\n{sensor_table(rig)}"
+    if options.to not in (None, *FORMATS):
+        raise UnknownNameError("format", options.to, FORMATS)
+    chosen, out = FORMATS[options.to or "tree"], options.out
+    if out is not None:
+        out = output_path(out, endings=chosen.endings, parents=False, overwrite=options.overwrite)
+    rig = load_experiment(options.experiment).rig
+    text = chosen.text(rig) + ("" if options.to else f"\n{sensor_table(rig)}")
     if out is None:
         print(text, end="")
         return

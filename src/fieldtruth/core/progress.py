@@ -64,10 +64,12 @@ def timed(items: Iterable[S], advance: Advance, start_ns: int) -> Iterator[S]:
 
 
 @contextmanager
-def show_progress(console: "Console | None" = None) -> Iterator[Progress]:
+def show_progress(console: "Console | None" = None, *, title: str = "") -> Iterator[Progress]:
     """Show a bar per stage, by default on stderr; in a log file, where there is no terminal, print a line now and then.
 
-    The time left follows from the speed of the last five minutes, so that it is right for a resumed run, too.
+    The time left follows from the speed of the last five minutes and since the first part was done, before which
+    kernels may compile: so it is right for a first run, and for one that is resumed. ``title`` is the line
+    before the first stage.
     """
     from rich.console import Console
     from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -75,7 +77,7 @@ def show_progress(console: "Console | None" = None) -> Iterator[Progress]:
 
     console = Console(stderr=True) if console is None else console
     if not console.is_terminal:
-        yield _Lines(console)
+        yield _Lines(console, title)
         return
     columns = (
         SpinnerColumn(finished_text="✓"),
@@ -86,15 +88,29 @@ def show_progress(console: "Console | None" = None) -> Iterator[Progress]:
         TimeRemainingColumn(),
     )
     with Bars(*columns, console=console, speed_estimate_period=300.0) as bars:
-        yield _Bars(bars)
+        yield _Bars(bars, title)
 
 
-class _Bars:
-    def __init__(self, bars: "Bars") -> None:
+class _Titled:
+    """Prints a title before the first stage: of work that is refused, the error is the only line."""
+
+    def __init__(self, console: "Console", title: str) -> None:
+        self._console, self._title = console, title
+
+    def _begin(self) -> None:
+        if self._title:
+            self._console.print(self._title, highlight=False, soft_wrap=True)
+            self._title = ""
+
+
+class _Bars(_Titled):
+    def __init__(self, bars: "Bars", title: str) -> None:
+        super().__init__(bars.console, title)
         self._bars = bars
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
+        self._begin()
         share = "" if total is None else f"of {total:.1f} s simulated"
         task = self._bars.add_task(name, total=total, share=share)
         self._bars.update(task, completed=done)
@@ -102,22 +118,22 @@ class _Bars:
         self._bars.update(task, total=total or 1.0, completed=total or 1.0)
 
 
-class _Lines:
+class _Lines(_Titled):
     """A line at each tenth of a stage, at most one a second, for log files."""
-
-    def __init__(self, console: "Console") -> None:
-        self._console = console
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
+        self._begin()
         start, lock, made = monotonic(), Lock(), 0.0
-        last = start
+        last, first = start, (start, 0.0)
         printed = int(10 * done / total) if total else 0
 
         def advance(amount: float) -> None:
-            nonlocal made, printed, last
+            nonlocal made, printed, last, first
             with lock:
                 made += amount
+                if made == amount:
+                    first = monotonic(), made
                 tenths = int(10 * (done + made) / total) if total else 0
                 if total is None or not printed < tenths < 10:
                     return
@@ -125,8 +141,9 @@ class _Lines:
                 if now - last < _LINES_APART_S:
                     return
                 printed, last = tenths, now
-                left = (now - start) * max(0.0, total - done - made) / made
-                self._console.print(f"{name}: {10 * printed} %, {left:.0f} s left", highlight=False)
+                since = made - first[1]
+                left = (now - first[0]) * max(0.0, total - done - made) / since if since else 0.0
+                self._console.print(f"{name}: {10 * printed} %" + f", {left:.0f} s left" * (since > 0), highlight=False)
 
         yield advance
         self._console.print(f"{name}: done in {monotonic() - start:.1f} s", highlight=False)

@@ -5,6 +5,7 @@
 import re
 from collections.abc import Hashable, Mapping, Sequence
 from importlib import resources
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -81,6 +82,17 @@ def read_data(name: str, given: Any) -> dict[str, Any]:
 def package_data(package: str, name: str) -> dict[str, Any]:
     """Return the mapping in a YAML file of a package: its texts or tables."""
     return parse_mapping(resources.files(package).joinpath(name).read_text(encoding="utf-8"), name)
+
+
+def filled(node: Any, values: Mapping[str, Any]) -> Any:
+    """Fill a template: text ``$name.attribute`` becomes that attribute of one of the values, all else is copied."""
+    if isinstance(node, dict):
+        return {key: filled(each, values) for key, each in node.items()}
+    if not (isinstance(node, str) and node.startswith("$")):
+        return [filled(each, values) for each in node] if isinstance(node, list) else node
+    name, _, attribute = node[1:].partition(".")
+    found = attrgetter(attribute)(values[name]) if attribute else values[name]
+    return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
 
 
 def write_mapping(data: Mapping[str, object]) -> str:

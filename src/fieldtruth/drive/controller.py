@@ -208,7 +208,7 @@ class KinematicSimulator:
 
 
 class Nearing(NamedTuple):
-    """How the robot gets on: when [s] it was where, when it came nearer to its target, and to which [m]."""
+    """Progress of the robot: when [s] it was where, when it came nearer to its target, and to which [m]."""
 
     moved_at: float
     moved_from: tuple[float, float]

@@ -395,7 +395,7 @@ class RandomRoutePlanner:
         return longest
 
     def _missed(self, corners: Array) -> int:
-        """How many waypoints of start and waypoints (1 + n, 2) [m] the robot does not reach."""
+        """Return how many waypoints of start and waypoints (1 + n, 2) [m] the robot does not reach."""
         return 0 if self._reached is None else len(corners) - 1 - self._reached(corners)
 
     def _drop_missed(self, draft: _Draft) -> bool:
@@ -499,7 +499,7 @@ class RandomRoutePlanner:
 
 
 def _is_free(ground: Traversability, poses: Array, clear: bool) -> bool:
-    """Whether the robot keeps its gap to obstacles, also in turns, where it may leave the simulated path."""
+    """Return whether the robot keeps its gap to obstacles, also in turns, where it may leave the simulated path."""
     turn = np.cumsum(np.abs(np.diff(poses[:, 2], prepend=poses[0, 2])))
     turn_margin = TURN_GAP * min(1.0, float(turn[-1]) / SHARP_TURN)
     spacing = float(np.linalg.norm(poses[1, :2] - poses[0, :2])) if len(poses) > 1 else 1.0

@@ -153,7 +153,7 @@ class Hull:
         self._points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), low[2])], axis=-1).reshape(-1, 3)
 
     def is_near_ground(self, qpos: Array) -> bool:
-        """Whether some ground is less than ``NEAR`` below the chassis.
+        """Return whether some ground is less than ``NEAR`` below the chassis.
 
         ``qpos`` begins with base_link's position [m] and quaternion_wxyz.
         """
@@ -177,7 +177,7 @@ class Surroundings:
 
     @property
     def is_near_ground(self) -> bool:
-        """Whether MuJoCo looks for contacts between chassis and ground."""
+        """Return whether MuJoCo looks for contacts between chassis and ground."""
         return bool(self.model.geom_conaffinity[self._ground])
 
     @is_near_ground.setter

@@ -95,7 +95,7 @@ class Track:
     base: Base | None
     """None without wheels, as along a track file."""
     is_frames: bool = False
-    """Whether each row of the motion is a pose of its own, at which all sensors read; no sensor measures motion."""
+    """True if each row of the motion is a pose of its own, at which all sensors read; no sensor measures motion."""
 
     @property
     def duration_s(self) -> float:

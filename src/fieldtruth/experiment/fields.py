@@ -19,8 +19,6 @@ UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
 TYPES: Final = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 BOUNDS: Final = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
 MAX_VALUE_LENGTH: Final = 60  # characters
-CLEARLY: Final = 3
-"""Values that must differ from those of a named model before they are taken for another's."""
 
 
 class PartError(ValueError):
@@ -82,7 +80,11 @@ def _message(problem: _Problem) -> str:
         return f"{key} is required: {condition_at(model, loc)}"
     if kind in UNKNOWN_KEY:
         parent, _ = _field(model, loc[:-1])
-        known = [name for choice in models_of(parent) for name in (*getattr(choice, "also", ()), *choice.model_fields)]
+        known = [
+            name
+            for choice in models_of(parent)
+            for name in (*getattr(choice, "also", ()), *choice.model_fields, *getattr(choice, "besides", ()))
+        ]
         return _unknown_key((*at, *loc), known)
     if kind == "value_error":  # a rule across fields; its text states the condition
         text = error["msg"].removeprefix("Value error, ")

@@ -15,7 +15,7 @@ from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import KINDS, SIGNAL, WORDS, SensorConfig, with_signal_files
+from fieldtruth.experiment.sensor_config import MODELS, SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
 VERSION_KEY: Final = "fieldtruth"
@@ -62,9 +62,10 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
 def dump_experiment(experiment: Experiment) -> str:
     """Return the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
 
-    Loading it gives an equal experiment; floats keep every bit.
+    Loading it gives an equal experiment; floats keep every bit. ``rig.models`` says whose figures each sensor has.
     """
     values = experiment.model_dump(mode="json")
+    values["rig"][MODELS] = experiment.rig.models()
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 
@@ -73,11 +74,10 @@ def with_overrides(
     *,
     seconds: float | None = None,
     seed: int | None = None,
-    cameras: bool | None = None,
-    lidar: bool | None = None,
     extras: Sequence[str] | None = None,
     signal: str | Mapping[str, Any] | None = None,
     light: str | None = None,
+    **switches: bool | None,
 ) -> Experiment:
     """Return a validated copy with other values; None keeps the experiment's value.
 
@@ -85,27 +85,24 @@ def with_overrides(
         experiment: not changed.
         seconds: end after this simulated time [s].
         seed: root of all randomness.
-        cameras: whether the cameras are simulated.
-        lidar: whether the LiDARs are simulated.
         extras: ``extras`` that cameras publish besides photograph and tag; the others are off.
         signal: of every sensor whose kind has one: ``ideal``, ``datasheet``, ``robot``, or a mapping of names or
             kinds of sensors to their ``signal``; see ``read_signal``.
         light: preset that replaces all of ``light``.
+        switches: whether all sensors with a switch are simulated: ``cameras`` and ``lidar``, or that of an added kind.
 
     Raises:
         ConfigurationError: a value that is not allowed.
-        UnknownNameError: an unknown extra.
+        UnknownNameError: an unknown extra or switch.
     """
     values: dict[str, Any] = experiment.model_dump()
     values |= {
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
-    switches = {switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None}
-    rig = experiment.rig.with_each(lambda each: {"enabled": switches[each.switch]} if each.switch in switches else {})
+    rig = experiment.rig.switched(**switches)
     if extras is not None:
-        known = [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
         for name in extras:
-            if name not in known:
+            if name not in (known := known_extras()):
                 raise UnknownNameError("extra", name, known)
         rig = rig.with_each(lambda each: {name: name in extras for name in each.extras})
     dumped = rig.model_dump()

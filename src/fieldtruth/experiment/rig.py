@@ -16,30 +16,27 @@ import numpy as np
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.catalogue import figures_of, models
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import (
     KINDS,
+    MODELS,
     SIGNAL,
     WORDS,
     MountedConfig,
     SensorConfig,
-    check_model,
+    known_switches,
     part,
     sensor_of,
+    without_models,
 )
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.sensors.camera.config import StereoConfig
-from fieldtruth.sensors.configs import CONFIGS
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.configs import CONFIGS, FirstOfKinds
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -75,8 +72,6 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     for i, sensor in enumerate(sensors):
-        with _at("sensors", i):
-            check_model(sensor)
         if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
             at = ("sensors", i, "clock", "jitter_s")
             raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
@@ -200,10 +195,10 @@ _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
 
 
-class Rig(Frozen):
+class Rig(Frozen, FirstOfKinds):
     """The robot with its sensors."""
 
-    also: ClassVar = (*SECTIONS, URDF, *ROBOT_SECTIONS)
+    also: ClassVar = (*SECTIONS, URDF, *ROBOT_SECTIONS, MODELS)
 
     robot: Annotated[
         RobotConfig, Field(description="a name from `fieldtruth list robots`, or a mapping with the key model")
@@ -219,7 +214,9 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(with_robot(with_urdf_mounts(given))) if isinstance(given, Mapping) else given
+        if not isinstance(given, Mapping):
+            return given
+        return with_sections(with_robot(with_urdf_mounts(without_models(given))))
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -236,6 +233,11 @@ class Rig(Frozen):
     def giving(self, reading: type[Reading]) -> tuple[MountedConfig, ...]:
         """Return the sensors in a frame of their own that are enabled and whose readings are of a type."""
         return tuple(each for each in self.enabled(MountedConfig) if issubclass(each.gives, reading))
+
+    def first_of(self, config: type[_Config]) -> _Config:
+        """Return the first sensor of a class; of a rig without one that of the class, not enabled."""
+        own = self.enabled(config) or [sensor for sensor in self.sensors if isinstance(sensor, config)]
+        return own[0] if own else config.model_validate({"enabled": False})
 
     def first(self, reading: type[Reading]) -> MountedConfig:
         """Return the first sensor whose readings are of a type; of a rig without one the paper's, not enabled.
@@ -263,33 +265,29 @@ class Rig(Frozen):
         """Whether a sensor reports of the robot's wheels; then its commands are published, too."""
         return any(sensor.needs_wheels and sensor.enabled for sensor in self.sensors)
 
-    @property
-    def lidar(self) -> LidarConfig:
-        """The first LiDAR; of a rig without one the paper's, not enabled."""
-        return self._first(LidarConfig)
-
-    @property
-    def stereo(self) -> StereoConfig:
-        """The first stereo pair; of a rig without one the paper's, not enabled."""
-        return self._first(StereoConfig)
-
-    @property
-    def imu(self) -> ImuConfig:
-        """The IMU that steers the robot: the first; of a rig without one the paper's, not enabled."""
-        return self._first(ImuConfig)
-
-    @property
-    def gnss(self) -> GnssConfig:
-        """The receiver that steers the robot: the first; of a rig without one the paper's, not enabled."""
-        return self._first(GnssConfig)
-
     def enabled(self, config: type[_Config]) -> tuple[_Config, ...]:
         """The sensors of a class, or of one derived from it, that are enabled."""
         return tuple(sensor for sensor in self.sensors if isinstance(sensor, config) and sensor.enabled)
 
+    def models(self) -> dict[str, str | None]:
+        """Model of each sensor by its name."""
+        return {sensor.name: sensor.model for sensor in self.sensors}
+
     def in_order(self) -> tuple[SensorConfig, ...]:
         """The sensors that are enabled, in the order in which their topics are in a bag."""
         return tuple(sorted((each for each in self.sensors if each.enabled), key=lambda each: each.bag_order))
+
+    def switched(self, **switches: bool | None) -> Self:
+        """Return a rig in which all sensors with a switch, such as ``cameras``, are on or off; None keeps them.
+
+        Raises:
+            UnknownNameError: no kind of sensor has this switch.
+        """
+        for name in switches:
+            if name not in (known := known_switches()):
+                raise UnknownNameError("switch", name, known)
+        given = {name: on for name, on in switches.items() if on is not None}
+        return self.with_each(lambda each: {"enabled": given[each.switch]} if each.switch in given else {})
 
     def with_sensors(self, config: type[SensorConfig], **values: Any) -> Self:
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
@@ -316,35 +314,40 @@ class Rig(Frozen):
         }
         return wheels | {"base_footprint": self.robot.footprint}
 
-    def _first(self, config: type[_Config]) -> _Config:
-        enabled = self.enabled(config)
-        own = enabled or [sensor for sensor in self.sensors if isinstance(sensor, config)]
-        return own[0] if own else config.model_validate({"enabled": False})
+
+def _short_key(config: type[SensorConfig]) -> str:
+    """Return the key of the short form that is the whole sensor, such as ``lidar``, else the kind."""
+    whole = (key for key, (owner, each) in _SECTIONS.items() if owner is config and each.config is None)
+    return next(whole, str(config.model_fields["kind"].default))
 
 
-def paper_rig(
-    *,
-    imu: ImuConfig | None = None,
-    gnss: GnssConfig | None = None,
-    wheel_odometry: WheelOdometryConfig | None = None,
-    lidar: LidarConfig | None = None,
-    cameras: StereoConfig | None = None,
-    stereo: StereoConfig | None = None,
-) -> Rig:
-    """Return the paper's rig, with other settings of the sensors that are given; ``cameras`` was called ``stereo``.
+def paper_rig(**sensors: SensorConfig | None) -> Rig:
+    """Return the paper's rig, in which others take the place of the sensors ``imu``, ``gnss`` and so on.
+
+    Args:
+        sensors: by the key of the short form, else the kind; ``cameras`` may also be given by its kind, ``stereo``.
 
     Raises:
-        ConfigurationError: a setting of another type, or both names.
+        ConfigurationError: a setting of another type, or two names of one sensor.
+        UnknownNameError: no such sensor.
     """
-    if stereo is not None:
-        if cameras is not None:
-            raise ConfigurationError("stereo must be None where cameras is given: it is the old name of cameras")
-        warnings.warn("stereo is now called cameras", FieldtruthWarning, stacklevel=2)
-    given = {"imu": imu, "gnss": gnss, "wheel_odometry": wheel_odometry, "lidar": lidar, "cameras": cameras or stereo}
-    for (name, own), paper in zip(given.items(), PAPER_SENSORS, strict=True):
-        if own is not None and not isinstance(own, type(paper)):
+    by_kind = {str(paper.kind): _short_key(type(paper)) for paper in PAPER_SENSORS}
+    given = {name: own for name, own in sensors.items() if own is not None}
+    for kind, key in by_kind.items():
+        if kind != key and kind in given:
+            if key in given:
+                raise ConfigurationError(f"{kind} must be None where {key} is given: it is the old name of {key}")
+            warnings.warn(f"{kind} is now called {key}", FieldtruthWarning, stacklevel=2)
+            given[key] = given.pop(kind)
+    changed = []
+    for paper in PAPER_SENSORS:
+        own = given.pop(name := by_kind[paper.kind], paper)
+        if not isinstance(own, type(paper)):
             raise ConfigurationError(f"{name} must be of type {type(paper).__name__}, got {shortened(own)}")
-    return Rig(sensors=tuple(own or paper for own, paper in zip(given.values(), PAPER_SENSORS, strict=True)))
+        changed.append(own)
+    if given:
+        raise UnknownNameError("sensor of the paper", next(iter(given)), by_kind.values())
+    return Rig(sensors=tuple(changed))
 
 
 class Box(NamedTuple):

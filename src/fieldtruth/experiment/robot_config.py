@@ -13,12 +13,14 @@ from pydantic import Field, model_validator
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.catalogue import ROBOTS, with_robot_model
-from fieldtruth.experiment.fields import CLEARLY, Frozen, LocatedError, Mount, Number, Positive, shortened
+from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive, shortened
 
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 GRAVITY: Final = 9.81  # [m/s^2]
 MAX_DEFLECTION: Final = 0.2
 """Greatest deflection of a tyre at rest, in radii: beyond, it is flat, and the springs of its tread are no model."""
+CLEARLY: Final = 3
+"""Values that must differ from those of a named model before they are taken for another's."""
 Inertia = tuple[Positive, Positive, Positive]
 Length = Annotated[Number, Field(gt=0, le=2)]
 

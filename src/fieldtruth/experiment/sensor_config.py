@@ -10,13 +10,13 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.core.readings import Message, Reading
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.catalogue import datasheet_of, figures_of, models, preset_of
 from fieldtruth.experiment.fields import (
-    CLEARLY,
     Boolean,
     Frozen,
     LocatedError,
@@ -106,6 +106,8 @@ CLEAN: Final = "clean"
 """Another word for ideal."""
 ROBOT: Final = "robot"
 """The signal of photographs as robots take them; of sensors that are no cameras, that of the data sheet."""
+MODELS: Final = "models"
+"""Key of a stored rig: the model of each sensor by its name, None without one."""
 WORDS: Final = (IDEAL, DATASHEET, CLEAN, ROBOT)
 FORMS: Final = f"{', '.join(WORDS)}, the path of a YAML file, or a mapping"
 _ENDINGS: Final = (".yaml", ".yml")
@@ -222,6 +224,8 @@ class SensorConfig(Frozen):
     """Word with which all sensors of the kind are turned on and off, as ``cameras`` of ``--no-cameras``."""
     extras: ClassVar[tuple[str, ...]] = ()
     """Keys of what it publishes only if they are true."""
+    topic_of_name: ClassVar[str] = "/{}"
+    """Topic of a sensor by its name, if it is not that of the class."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
@@ -245,7 +249,7 @@ class SensorConfig(Frozen):
         super().__pydantic_init_subclass__(**kwargs)
         kind = cls.model_fields["kind"].default
         if isinstance(kind, str):
-            KINDS[kind], cls.family = cls, vars(cls).get("family", kind)
+            KINDS[kind], cls.family, cls.noun = cls, vars(cls).get("family", kind), cls.noun or kind
 
     @model_validator(mode="before")
     @classmethod
@@ -269,7 +273,7 @@ class SensorConfig(Frozen):
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Values that a sensor has by its name, if it is not that of the class."""
-        return {"topic": f"/{name}"}
+        return {"topic": cls.topic_of_name.format(name)}
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -349,6 +353,11 @@ class SensorConfig(Frozen):
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
 
+    def base_from_frames(self) -> dict[str, Array]:
+        """Poses (4, 4) of its frames and its optical frames in base_link, by name."""
+        found = {name: mount.base_from_sensor for name, mount in self.frames().items()}
+        return found | {name: found[parent] @ pose for name, (parent, pose) in self.optical_frames().items()}
+
     @property
     def needs_signal_for_weather(self) -> bool:
         """Whether no weather reaches it, as it is ideal."""
@@ -371,6 +380,13 @@ class SensorConfig(Frozen):
         """Return how it takes its readings, as lines of the data card; ``named`` is what they call it."""
         return []
 
+    def gazebo(self, flavour: str) -> str:
+        """Return its ``<sensor>`` of SDF in base_link for Gazebo ``classic`` or ``gz``; empty: the one of its readings.
+
+        Of clouds, images, inertial readings and fixes every package has one; other kinds without it are refused.
+        """
+        return ""
+
     def kalibr(self) -> str:
         """Return the file in which Kalibr reads its noise; empty for a kind that Kalibr has no such file of."""
         return ""
@@ -382,6 +398,10 @@ class SensorConfig(Frozen):
             message: decoded, of its first topic.
             points: rows of the points of a cloud, a structured array (n,); None of other messages.
         """
+        return {}
+
+    def cloud_fields(self) -> dict[str, str]:
+        """Return NumPy's type of each field of its clouds; empty if it has none, or any."""
         return {}
 
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
@@ -398,7 +418,7 @@ class MountedConfig(SensorConfig):
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
-        return {"topic": f"/{name}", "frame": f"{name}_link"}
+        return {**super().of_name(name), "frame": f"{name}_link"}
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""
@@ -425,6 +445,18 @@ def load_added_kinds() -> None:
         _MODULES[name]
 
 
+def known_switches() -> list[str]:
+    """Words with which sensors are turned on and off, of all kinds."""
+    load_added_kinds()
+    return [*dict.fromkeys(config.switch for config in KINDS.values() if config.switch)]
+
+
+def known_extras() -> list[str]:
+    """``extras`` of all kinds."""
+    load_added_kinds()
+    return [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
+
+
 def sensor_of(value: Any) -> SensorConfig:
     """Return the configuration that an item of ``rig.sensors`` describes.
 
@@ -449,39 +481,25 @@ def sensor_of(value: Any) -> SensorConfig:
     return part(config, value)
 
 
-def check_model(sensor: SensorConfig) -> None:
-    """Check that a sensor does not have all figures of another model, at least ``CLEARLY`` of them not its own model's.
+def without_models(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the values of a rig without ``models``, which says in a stored file whose figures each sensor has.
 
-    A stored experiment has every value of a sensor, so to change ``model`` there would change the name alone. Of a
-    model that gives fewer figures, the rate apart, those of its data sheet are compared.
+    A stored sensor has every value, so to change its ``model`` alone would change the name alone.
 
     Raises:
-        LocatedError: the first figure that is of another model; or the signal, if it is another's data sheet.
+        LocatedError: a sensor that has another ``model`` than figures.
     """
-    config, model, signal = type(sensor), sensor.model, sensor.signal
-    if model is None:
-        return
-    given = config.completed({}, figures_of(config.family, model)).keys() - {"rate_hz"}
-    keys, of_signal = [key for key in config.model_fields if key in given], len(given) < CLEARLY
-    if of_signal:
-        keys = [] if signal is None or signal == type(signal)() else list(type(signal).model_fields)
-
-    def unlike(other: str | None) -> list[str]:
-        values = {"model": other, "rate_hz": sensor.rate_hz, **({SIGNAL: DATASHEET} if of_signal else {})}
-        try:
-            made = part(config, values)
-        except PartError:  # a model that has no such rate
-            return keys
-        own, others = (signal, made.signal) if of_signal else (sensor, made)
-        return [key for key in keys if getattr(own, key) != getattr(others, key)]
-
-    clear = unlike(model)
-    for other in (None, *models(config.family)) if len(clear) >= CLEARLY else ():
-        if other != model and not unlike(other):
-            key = SIGNAL if of_signal else clear[0]
-            whose, name = ("without a model", "no model") if other is None else (f"of the model {other}", other)
-            what = f"is that of a sensor {whose}, not of {model}: {shortened(getattr(sensor, key))}"
-            raise LocatedError(f"{what}; leave out what {model} shall give, or name {name}", [key])
+    stored, sensors = given.get(MODELS, {}), given.get("sensors", ())
+    if not isinstance(stored, Mapping):
+        raise LocatedError(f"must be a mapping of sensors to their models, got {shortened(stored)}", [MODELS])
+    for i, item in enumerate(sensors if isinstance(sensors, list | tuple) else ()):
+        name, model = (item.get("name"), item.get("model")) if isinstance(item, Mapping) else (None, None)
+        if name in stored and model != stored[name]:
+            whose = f"the model {stored[name]}" if stored[name] else "a sensor without a model"
+            what = f"is {model or 'none'}, but its figures are those of {whose}"
+            rest = f"leave out what {model} shall give, and {name} in rig.{MODELS}" if model else f"name {stored[name]}"
+            raise LocatedError(f"{what}; {rest}", ["sensors", i, "model"])
+    return {key: value for key, value in given.items() if key != MODELS}
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:

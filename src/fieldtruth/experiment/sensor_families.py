@@ -105,8 +105,6 @@ class ScanningConfig(MountedConfig):
         return "azimuth_offsets_deg" if any(self.azimuth_offsets_deg or ()) else ""
 
 
-CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
-"""The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
 OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
 STREAMS: Final = {

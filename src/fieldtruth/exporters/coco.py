@@ -13,10 +13,11 @@ import json
 import re
 import shutil
 import threading
-from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TextIO
 
@@ -61,10 +62,10 @@ _SINGLE: Final = re.compile(r"_\d+$")
 class _Frames(NamedTuple):
     """All that is needed to export a frame."""
 
-    cameras: Mapping[str, Mapping[str, Any]]
-    """Keys and values of each image's row by camera: frame and calibration."""
+    views: Mapping[str, Mapping[str, Any]]
+    """Keys and values of each image's row by view: frame and calibration."""
     mounts: Mapping[str, Array]
-    """base_from_optical (4, 4) by camera."""
+    """base_from_optical (4, 4) by view."""
     images: Mapping[str, Readings]
     trajectory: Trajectory
     numbering: "Numbering"
@@ -90,14 +91,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     run.streams([view.topics[part] for view in views for part in _PARTS])
     images = {view.label: run.readings(view.name, _PARTS) for view in views}
     mounts = {view.label: run.calibration.base_from(view.name) for view in views}
-    frames = _Frames({v.label: _camera(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
+    frames = _Frames({v.label: _calibration(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
     about = {} if boxes is None else boxes.objects()
     jobs = sorted(
         (stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()
     )
-    with coco_files(run, target, options.labels, categories, names, about) as files:
+    with CocoFiles(run, target, options.labels, categories, names, about) as files:
         for picture in options.each("images", run, jobs, partial(_write_frame, target, frames)):
             files.add(picture)
+        files.finish()
     if not jobs:
         raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 
@@ -111,41 +113,41 @@ def _views_of(run: Run) -> list[Source]:
     every, found = run.of(Image, recorded=False), run.of(Image, "photo")
     if not every:
         raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")
-    cameras = {view.device for view in found if view.has(run.counts, "instance")}
-    views = [view for view in found if not cameras or view.device in cameras]
+    devices = {view.device for view in found if view.has(run.counts, "instance")}
+    views = [view for view in found if not devices or view.device in devices]
     run.require(*(view.topics[part] for part in ("photo", "label") for view in views or every))
     run.require_instances(*(view.topics["instance"] for view in views))
     return views
 
 
 def _write_frame(target: Path, frames: _Frames, job: tuple[int, int, str]) -> "Picture":
-    """Write the image files of a frame, of a stamp and a camera; on any thread."""
-    stamp, _, camera = job
-    name = f"{camera}/{stamp}"
-    image, photo, suffix = with_photo(frames.images[camera], stamp)
+    """Write the image files of a frame, of a stamp and a view; on any thread."""
+    stamp, _, view = job
+    name = f"{view}/{stamp}"
+    image, photo, suffix = with_photo(frames.images[view], stamp)
     try:
         ids = frames.numbering.number(image.label, image.instance)
     except BagError as error:
-        raise BagError(f"{camera} camera at {stamp} ns: {error}") from error
+        raise BagError(f"{view} camera at {stamp} ns: {error}") from error
     height, width = ids.shape
     (target / "images" / f"{name}{suffix}").write_bytes(photo)
     (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
-    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[camera]
+    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[view]
     row = {
         "file_name": f"{name}{suffix}",
         "width": width,
         "height": height,
         "stamp_ns": stamp,
-        "camera": camera,
-        **frames.cameras[camera],
+        "camera": view,
+        **frames.views[view],
         "world_from_camera": world_from_optical.tolist(),
     }
     segments = segments_of(ids)
-    boxes = {} if frames.boxes is None else frames.boxes.of(camera, segments, world_from_optical)
+    boxes = {} if frames.boxes is None else frames.boxes.of(view, segments, world_from_optical)
     return Picture(row, f"{name}.png", segments, boxes)
 
 
-def _camera(run: Run, view: Source) -> dict[str, Any]:
+def _calibration(run: Run, view: Source) -> dict[str, Any]:
     lens = run.calibration.lens(view.name)
     return {
         "frame_id": lens.frame,
@@ -292,9 +294,9 @@ class CocoBoxes:
         """Boxes in the world frame by instance id."""
         return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
 
-    def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
-        """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
-        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
+    def of(self, view: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
+        """Keys by id of the segment, for an image of a view from a pose (4, 4)."""
+        whole, found, optical_from_world = self._whole(view), {}, transforms.inverse(world_from_optical)
         for segment in segments:
             category, number = divmod(segment.id, 1 << self._bits)
             if number not in self._boxes:
@@ -306,7 +308,7 @@ class CocoBoxes:
                 "amodal_area": alone.pixels,
                 "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
             }
-            if self._configs[camera].lens.model == "pinhole":
+            if self._configs[view].lens.model == "pinhole":
                 bounds = whole.bounds(number, world_from_optical, labels)
                 if bounds is not None:  # from pixel centres to COCO's pixel borders
                     left, top, right, bottom = (bounds + 0.5).tolist()
@@ -314,11 +316,11 @@ class CocoBoxes:
             found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
         return found
 
-    def _whole(self, camera: str) -> WholeObjects:
+    def _whole(self, view: str) -> WholeObjects:
         own: dict[str, WholeObjects] = vars(self._own)
-        if camera not in own:
-            own[camera] = WholeObjects(self._world, self._configs[camera])
-        return own[camera]
+        if view not in own:
+            own[view] = WholeObjects(self._world, self._configs[view])
+        return own[view]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -337,34 +339,47 @@ class Picture(NamedTuple):
     """Further keys of the annotations, by id of the segment."""
 
 
-class _Rows:
-    """A JSON array that grows in a text file."""
+class CocoFiles(ExitStack):
+    """``panoptic.json`` and ``instances.json`` as a context, written image by image; ``finish`` ends them.
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._separator = "\n"
-
-    def add(self, row: Mapping[str, Any]) -> None:
-        """Add an object."""
-        self._stream.write(self._separator + json.dumps(row, separators=(",", ":")))
-        self._separator = ",\n"
-
-
-class CocoFiles:
-    """The rows of ``panoptic.json`` and ``instances.json``, by image; a segment id has ``bits`` for the object."""
+    Args:
+        run: the run.
+        folder: of the files.
+        labels: ontology of the categories.
+        categories: of the pixels; those of countable objects are in instances.json, too.
+        names: of the objects, by instance id.
+        about: further keys of objects, by instance id.
+    """
 
     def __init__(
-        self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], bits: int, *, own: bool
+        self,
+        run: Run,
+        folder: Path,
+        labels: LabelMap,
+        categories: Sequence[Category],
+        names: Sequence[str],
+        about: Mapping[int, Mapping[str, Any]],
     ) -> None:
-        self._images, self._panoptic, self._instances = images, panoptic, instances
-        self._countable, self._bits = countable, bits
-        self._licence = {"license": _LICENCE["id"]} if own else {}
-        self.image_count = self._annotation_count = 0
+        super().__init__()
+        countable = [category for category in categories if category.isthing]
+        self._countable, self._bits = {category.id for category in countable}, object_bits(names)
+        self._licence = {} if run.experiment is None else {"license": _LICENCE["id"]}
+        objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
+        self._streams: dict[str, TextIO] = {}
+        self._counts = {"images": 0, "panoptic": 0, "instances": 0}
+        for name, chosen in (("panoptic", categories), ("instances", countable)):
+            stream = self.enter_context((folder / f"{name}.json").open("w", encoding="utf-8"))
+            head = _head(run, labels) | {"categories": [c.row() for c in chosen], "objects": objects}
+            lines = (f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n" for key, value in head.items())
+            stream.write("{" + "".join(lines) + '"annotations":[')
+            self._streams[name] = stream
+        images = TemporaryFile("w+", encoding="utf-8", dir=folder)  # noqa: SIM115
+        self._streams["images"] = self.enter_context(images)
 
     def add(self, picture: Picture) -> None:
         """Add an image and its segments; segments of countable classes become annotations, too."""
-        self.image_count += 1
-        self._images.add({"id": self.image_count} | picture.row | self._licence)
+        image_id = self._counts["images"] + 1
+        self._write("images", {"id": image_id} | picture.row | self._licence)
         segments = []
         size = [picture.row["height"], picture.row["width"]]
         for segment in picture.segments:
@@ -379,56 +394,24 @@ class CocoFiles:
             } | picture.boxes.get(segment.id, {})
             segments.append({"id": segment.id} | known)
             if countable:
-                self._annotation_count += 1
-                row = {"id": self._annotation_count, "image_id": self.image_count} | known
-                self._instances.add(row | {"segmentation": {"size": size, "counts": segment.counts}})
-        self._panoptic.add({"image_id": self.image_count, "file_name": picture.panoptic, "segments_info": segments})
+                row = {"id": self._counts["instances"] + 1, "image_id": image_id} | known
+                self._write("instances", row | {"segmentation": {"size": size, "counts": segment.counts}})
+        self._write("panoptic", {"image_id": image_id, "file_name": picture.panoptic, "segments_info": segments})
 
+    def finish(self) -> None:
+        """Write the images behind the annotations."""
+        images = self._streams.pop("images")
+        for stream in self._streams.values():
+            stream.write('\n],\n"images":[')
+            images.seek(0)
+            shutil.copyfileobj(images, stream)
+            stream.write("\n]}\n")
 
-@contextmanager
-def coco_files(
-    run: Run,
-    folder: Path,
-    labels: LabelMap,
-    categories: Sequence[Category],
-    names: Sequence[str],
-    about: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
-) -> Iterator[CocoFiles]:
-    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id.
-
-    ``about`` has further keys of objects by instance id.
-    """
-    rows = folder / "images.part"
-    head = _head(run, labels)
-    objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
-    countable = [category for category in categories if category.isthing]
-    with ExitStack() as stack:
-        stack.callback(rows.unlink, missing_ok=True)
-        panoptic, instances = (
-            stack.enter_context(
-                _document(folder / name, head | {"categories": [c.row() for c in chosen], "objects": objects}, rows)
-            )
-            for name, chosen in (("panoptic.json", categories), ("instances.json", countable))
-        )
-        images = _Rows(stack.enter_context(rows.open("w", encoding="utf-8")))
-        yield CocoFiles(
-            images, panoptic, instances, {c.id for c in countable}, object_bits(names), own=run.experiment is not None
-        )
-
-
-@contextmanager
-def _document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[_Rows]:
-    """Write the keys of ``head``, the annotations that are added, and the images, whose rows are in a file."""
-    with path.open("w", encoding="utf-8") as stream:
-        stream.write("{")
-        for key, value in head.items():
-            stream.write(f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n")
-        stream.write('"annotations":[')
-        yield _Rows(stream)
-        stream.write('\n],\n"images":[')
-        with images.open(encoding="utf-8") as rows:
-            shutil.copyfileobj(rows, stream)
-        stream.write("\n]}\n")
+    def _write(self, name: str, row: Mapping[str, Any]) -> None:
+        """Add an object to a list."""
+        separator = ",\n" if self._counts[name] else "\n"
+        self._streams[name].write(separator + json.dumps(row, separators=(",", ":")))
+        self._counts[name] += 1
 
 
 def _head(run: Run, labels: LabelMap) -> dict[str, Any]:

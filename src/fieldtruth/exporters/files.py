@@ -37,10 +37,11 @@ from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Joints, Message, Odometry, Reading, WheelSpeeds
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.datasets import ROLES
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet
-from fieldtruth.exporters.frames import intensity_is_class
+from fieldtruth.exporters.frames import intensity_is_class, noun_of
 from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, millimetres_png, normals_png
 from fieldtruth.ontology import LabelMap
 
@@ -136,7 +137,7 @@ def _check(run: Run, known: Mapping[str, str]) -> None:
 
 
 def _check_paths(run: Run, paths: Sequence[str]) -> None:
-    """Check that no two topics have the same path, as those of a LiDAR ``img_left`` and a camera ``left`` would."""
+    """Check that no two topics have the same path, as clouds of ``img_left`` and images of ``left`` would."""
     if twice := next((path for path in paths if paths.count(path) > 1), None):
         raise BagError(f"{run.bag}: two sensors of the rig would have the same path {twice} in this format")
 
@@ -216,8 +217,8 @@ def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
     for view in run.of(Image, recorded=False):
         for part in view.recorded(run.counts):
             yield _Writer(run.readings(view.name, [part]), partial(encoders[part], view.label))
-    for lidar in run.of(Cloud):
-        yield _Writer(run[lidar.name], partial(_cloud, lidar.name, label_map))
+    for sensor in run.of(Cloud):
+        yield _Writer(run[sensor.name], partial(_cloud, sensor.name, label_map))
 
 
 def _tag(label_map: LabelMap | None, name: str, image: Image) -> _Encoded:
@@ -283,7 +284,7 @@ def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
                 if topic not in possible:
                     continue  # of a wheel that the robot lacks
                 words = {
-                    "file": "GNSS" if source.name == "gnss" else source.name,
+                    "file": _TEXTS["names"].get(source.name, source.name),
                     "frame": source.frame,
                     "part": part,
                     "words": part.replace("_", " "),
@@ -409,7 +410,8 @@ def _write_per_run(
             {name: counts[what, name] for name in labels if (what, name) in counts} for what in ("pixels", "points")
         )
         by_intensity = all(map(intensity_is_class, run.of(Cloud)))
-        write_sheet(target / SHEET, run.name, pixels, points, label_map, by_intensity=by_intensity)
+        noun = noun_of(run.of(Cloud))
+        write_sheet(target / SHEET, run.name, pixels, points, label_map, by_intensity=by_intensity, noun=noun)
     return [(name, about) for name, about in _TEXTS["per_run"].items() if (target / name).exists()]
 
 
@@ -434,7 +436,7 @@ def calibration_yaml(run: Run) -> str:
     lenses = {view.label: run.calibration.lens(view.name) for view in views}
     content: dict[str, Any] = {}
     if lenses:
-        content["cameras"] = {name: _camera(lens) for name, lens in lenses.items()}
+        content[f"{ROLES[Image].key}s"] = {name: _lens(lens) for name, lens in lenses.items()}
     baselines = {
         view.device: float(-lenses[view.label].P[0, 3] / lenses[view.label].P[0, 0])
         for view in views
@@ -452,7 +454,7 @@ def calibration_yaml(run: Run) -> str:
     return f"{_TEXTS['calibration']}{text}"
 
 
-def _camera(lens: Lens) -> dict[str, Any]:
+def _lens(lens: Lens) -> dict[str, Any]:
     return {
         "frame": lens.frame,
         "width": lens.width,

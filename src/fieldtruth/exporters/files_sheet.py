@@ -15,7 +15,9 @@ import xlsxwriter
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.datasets import ROLES
 from fieldtruth.ontology import LabelMap
 
 SHARES: Final = "class shares"
@@ -59,18 +61,21 @@ def write_sheet(
     label_map: LabelMap | None = None,
     *,
     by_intensity: bool = True,
+    noun: str = ROLES[Cloud].noun,
 ) -> None:
     """Write the workbook of a run.
 
     Args:
         path: the .xlsx file.
         name: of the run.
-        pixels: (18,) by class id, of each camera by name (``left``, ``right``).
-        points: (18,) by class id, of each LiDAR by name.
+        pixels: (18,) by class id, of each view by name (``left``, ``right``).
+        points: (18,) by class id, of each sensor of clouds by name.
         label_map: adds a table in the classes of this ontology.
         by_intensity: whether the class of a point is its intensity, as in the paper.
+        noun: what a sensor of clouds is called.
     """
-    columns = [*_columns("pixels", "camera", pixels), *_columns("points", "LiDAR", points)]
+    viewer = ROLES[Image].noun
+    columns = [*_columns("pixels", viewer, pixels), *_columns("points", noun, points)]
     usual = [row.label for row in CLASSES if row.rgb is not None and row.label not in NOT_OF_WORLDS]
     rows = [_Class(*row) for row in CLASSES if row.label in usual or _occurs(row.label, columns)]
     with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
@@ -82,14 +87,14 @@ def write_sheet(
             others = [_Class(number, other.name, other.rgb) for number, other in named]
             mapped = [column._replace(counts=_mapped(column.counts, label_map)) for column in columns]
             _write_table(book, f"{label_map.name} classes", others, mapped)
-        sensors = _sensors("camera", len(pixels), "pixels"), _sensors("LiDAR", len(points), "points")
+        sensors = _sensors(viewer, len(pixels), "pixels"), _sensors(noun, len(points), "points")
         first = f"Share of each class in {' and '.join(filter(None, sensors))} of {name}."
         point = "reflectivity" if by_intensity else "label"
         _write_explanation(book, [first, *_explanation(columns, point)], label_map)
 
 
 def _columns(what: str, sensor: str, counts: Mapping[str, Counts]) -> Iterator[_Column]:
-    """A column per sensor, and their sum last; the points of a single LiDAR need no name."""
+    """A column per sensor, and their sum last; the points of a single one need no name."""
     if what == "points" and len(counts) == 1:
         yield _Column(what, what, *counts.values())
         return

@@ -3,13 +3,13 @@
 """Runs of a data set with their splits, the sensors that formats choose, and frames: readings of one stamp.
 
 Each run of a published data set belongs to a split and has a name of its own; no world is in two splits. A frame is a
-stamp at which all recorded images of the chosen cameras exist. It has the clouds with the same stamp. Without cameras
+stamp at which all recorded images of the chosen views exist. It has the clouds with the same stamp. Without views
 each cloud is a frame.
 """
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import reduce
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -22,11 +22,11 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.topics import EXTRAS, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.datasets import bags_in
+from fieldtruth.datasets import ROLES, bags_in
 from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
@@ -106,36 +106,49 @@ def _names(runs: Sequence[Run]) -> list[str]:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Sensors of a run that formats choose
+# Sensors of a run that formats choose, by the type of their readings
 
 
-def first_lidar(run: Run) -> Source:
-    """Return the first LiDAR of the rig.
+def first_of_clouds(run: Run) -> Source:
+    """Return the first sensor of the rig that gives clouds.
 
     Raises:
         BagError: the rig has none, or it has no clouds.
     """
-    lidars = run.of(Cloud, recorded=False)
-    if not lidars:
-        raise BagError(f"the rig of {run.bag} has no LiDAR, and this format is made of clouds")
-    run.require(lidars[0].topic)
-    return lidars[0]
+    sensors = run.of(Cloud, recorded=False)
+    if not sensors:
+        noun = ROLES[Cloud].noun
+        raise BagError(f"the rig of {run.bag} has no {noun}, and this format is made of clouds")
+    run.require(sensors[0].topic)
+    return sensors[0]
 
 
 def first_views(run: Run) -> list[Source]:
-    """Return the views of the first stereo pair of the rig, without a pair that of its first camera, if any."""
+    """Return the views of the first pair of the rig, without a pair that of its first sensor of images, if any."""
     views = run.of(Image, recorded=False)
     device = next((view.device for view in [view for view in views if view.side] or views), None)
     return [view for view in views if view.device == device]
 
 
-def chosen_of_many(run: Run) -> dict[str, Any]:
-    """Names of LiDAR and cameras of a sequence; empty for a rig with one LiDAR, and one pair or no camera."""
-    views, lidars = [view.label for view in first_views(run)], run.of(Cloud, recorded=False)
+def noun_of(sources: Iterable[Source]) -> str:
+    """Name of the kind of some sensors, or their kinds, in a sentence about one of them: ``LiDAR``."""
+    return " or ".join(dict.fromkeys(each.config.noun or each.config.kind for each in sources))
+
+
+class Chosen(NamedTuple):
+    """Names of the sensors that a sequence has of a rig with many."""
+
+    cloud: str
+    views: list[str]
+
+
+def chosen_of_many(run: Run) -> Chosen | None:
+    """Return the choice for a sequence; None for a rig with one sensor of clouds, and one pair or nothing of images."""
+    views = [view.label for view in first_views(run)]
     devices = {view.device for view in run.of(Image, recorded=False)}
-    if len(lidars) <= 1 and len(devices) <= 1 and len(views) != 1:
-        return {}
-    return {"lidar": first_lidar(run).name, "cameras": views}
+    if len(run.of(Cloud, recorded=False)) <= 1 and len(devices) <= 1 and len(views) != 1:
+        return None
+    return Chosen(first_of_clouds(run).name, views)
 
 
 def require_pinholes(run: Run, form: str) -> None:
@@ -153,8 +166,8 @@ def require_pinholes(run: Run, form: str) -> None:
             )
 
 
-def cameras_of(run: Run) -> dict[str, list[Source]]:
-    """Views with photographs and labels, by name of the camera or pair."""
+def views_of(run: Run) -> dict[str, list[Source]]:
+    """Views with photographs and labels, by name of their sensor."""
     views: dict[str, list[Source]] = {}
     for view in run.of(Image, "photo", "label"):
         views.setdefault(view.device, []).append(view)
@@ -165,28 +178,30 @@ def require_frames(run: Run, *, clouds: bool) -> None:
     """Check that a run has photographs with labels, or with ``clouds`` at least clouds.
 
     Raises:
-        BagError: it names the topics of the first camera and LiDAR.
+        BagError: it names the topics of the first sensors of images and clouds.
     """
-    if cameras_of(run) or (clouds and run.of(Cloud)):
+    if views_of(run) or (clouds and run.of(Cloud)):
         return
-    views, lidars = run.of(Image, recorded=False)[:1], run.of(Cloud, recorded=False)[:1]
+    views, sensors = run.of(Image, recorded=False)[:1], run.of(Cloud, recorded=False)[:1]
     needed = [f"{view.topics['photo']} with {view.topics['label']}" for view in views]
-    needed += [lidar.topic for lidar in lidars if clouds]
-    what = ", or ".join(needed) or f"camera{' or LiDAR' * clouds}"
+    needed += [sensor.topic for sensor in sensors if clouds]
+    nouns = [role.noun for kind, role in ROLES.items() if clouds or kind is Image]
+    what = ", or ".join(needed) or " or ".join(nouns)
     raise BagError(f"{run.bag} has no {what}; available: {', '.join(sorted(run.counts))}")
 
 
-def intensity_is_class(lidar: Source) -> bool:
-    """Return True if the intensity of a LiDAR's points is their class, as in the paper, not their reflectivity."""
-    return getattr(lidar.config, "intensity", "class") == "class"
+def intensity_is_class(source: Source) -> bool:
+    """Return True if the intensity of a sensor's points is their class, as in the paper, not their reflectivity."""
+    return getattr(source.config, "intensity", "class") == "class"
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Frames
 
 
-LIDAR: Final = "lidar"
-"""Name of the LiDAR whose entries are not named after it: the paper's."""
+PAPER: Final = PAPER_RIG.first(Cloud).name
+"""Name of the sensor of clouds whose entries are not named after it: the paper's."""
+_KEYS: Final = {kind: role.key for kind, role in ROLES.items()}
 
 
 class View(NamedTuple):
@@ -208,17 +223,17 @@ class Frame(NamedTuple):
 
     stamp_ns: int
     views: dict[str, View]
-    """By name of the camera's view: left, right."""
+    """By name: left, right."""
     clouds: dict[str, dict[str, NDArray[Any]]]
-    """By LiDAR: ``xyz`` (n, 3) float32 [m] in its frame, ``label`` (n,) class ids, and other fields (n,)."""
+    """By sensor: ``xyz`` (n, 3) float32 [m] in its frame, ``label`` (n,) class ids, and other fields (n,)."""
     about: dict[str, Any]
     """Poses (4, 4) and calibration, as JSON."""
 
 
 class Frames:
-    """The frames of some views and LiDARs of a run, by index; may be read from several threads.
+    """The frames of some views and sensors of clouds of a run, by index; may be read from several threads.
 
-    Without views each cloud of the LiDAR is a frame. ``extras`` are read if they are recorded.
+    Without views each cloud is a frame. ``extras`` are read if they are recorded.
 
     Raises:
         BagError: no stamp is common to all images, or the bag is damaged.
@@ -229,20 +244,20 @@ class Frames:
         run: Run,
         label_map: LabelMap,
         views: Sequence[Source],
-        lidars: Sequence[Source] = (),
+        clouds: Sequence[Source] = (),
         extras: Collection[str] = EXTRAS,
     ) -> None:
         self._ids = label_map.ids
-        run.streams([*_topics(run, views, extras), *(lidar.topic for lidar in lidars)])
+        run.streams([*_topics(run, views, extras), *(each.topic for each in clouds)])
         self._views = {view.label: run.readings(view.name, _parts(run, view, extras)) for view in views}
-        self._clouds = {lidar.name: run.readings(lidar.name) for lidar in lidars}
+        self._clouds = {each.name: run.readings(each.name) for each in clouds}
         chosen = list((self._views or self._clouds).values())
         self.stamps_ns: Counts = reduce(np.intersect1d, [each.stamps_ns for each in chosen])
         """(len,) stamp [ns] of each frame."""
         if not len(self.stamps_ns):
             topics = ", ".join(_topics(run, views, extras))
             raise BagError(f"{run.bag} has no frame: no stamp is common to {topics}")
-        self._geometry = _Geometry(run, views, lidars)
+        self._geometry = _Geometry(run, views, clouds)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -273,7 +288,7 @@ class Frames:
         return found | ({"reflectivity": reflectivity(cloud)} if measured else {})
 
     def empty_clouds(self) -> dict[str, dict[str, NDArray[Any]]]:
-        """Return the arrays of a cloud without points of each LiDAR."""
+        """Return the arrays of a cloud without points of each sensor."""
         first = {name: self._cloud(readings.read(0)) for name, readings in self._clouds.items()}
         return {name: {field: values[:0] for field, values in cloud.items()} for name, cloud in first.items()}
 
@@ -314,42 +329,46 @@ def _topics(run: Run, views: Sequence[Source], extras: Collection[str]) -> list[
 class _Geometry:
     """Poses and calibration, as far as the bag has them."""
 
-    def __init__(self, run: Run, views: Sequence[Source], lidars: Sequence[Source]) -> None:
+    def __init__(self, run: Run, views: Sequence[Source], clouds: Sequence[Source]) -> None:
         self._trajectory = run.trajectory if run.has_poses else None
-        mounted = table.TF_STATIC in run.counts
-        self.cameras = {v.label: _camera(run, v, mounted) for v in views if run.calibration.has_lens(v.name)}
-        self.lidars = {lidar.name: _lidar(run, lidar) if mounted else {} for lidar in lidars}
+        known = [view for view in views if run.calibration.has_lens(view.name)]
+        self._views = {view.label: _calibration(run, view) for view in known}
+        self._clouds = {each.name: _calibration(run, each) for each in clouds}
 
     def at(self, stamp_ns: int, clouds: Collection[str]) -> dict[str, Any]:
-        """Poses and calibration of the cameras, and of the LiDARs with clouds, at a stamp, as JSON."""
+        """Poses and calibration of the views, and of the sensors with clouds, at a stamp, as JSON."""
         world_from_base = None if self._trajectory is None else self._trajectory.world_from_base(stamp_ns)
         about: dict[str, Any] = {} if world_from_base is None else {"world_from_base": world_from_base.tolist()}
-        cameras = {name: _placed(camera, "camera", world_from_base) for name, camera in self.cameras.items()}
-        lidars = {name: _placed(self.lidars[name], "lidar", world_from_base) for name in clouds}
-        paper = {LIDAR: lidars.pop(LIDAR)} if LIDAR in lidars else {}
-        return about | {"cameras": cameras} | paper | ({"lidars": lidars} if lidars else {})
+        view, cloud = _KEYS[Image], _KEYS[Cloud]
+        about[f"{view}s"] = {name: _placed(own, view, world_from_base) for name, own in self._views.items()}
+        placed = {name: _placed(self._clouds[name], cloud, world_from_base) for name in clouds}
+        paper = {cloud: placed.pop(PAPER)} if PAPER in placed else {}
+        return about | paper | ({f"{cloud}s": placed} if placed else {})
 
 
-def _placed(sensor: Mapping[str, Any], kind: str, world_from_base: Array | None) -> dict[str, Any]:
+def cloud_about(frame: Frame, name: str) -> dict[str, Any]:
+    """Return pose and calibration of a sensor that has a cloud in a frame."""
+    key = _KEYS[Cloud]
+    about: dict[str, Any] = frame.about[key] if name == PAPER else frame.about[f"{key}s"][name]
+    return about
+
+
+def _placed(sensor: Mapping[str, Any], key: str, world_from_base: Array | None) -> dict[str, Any]:
     """Calibration of a sensor, with its pose in the world if both are known."""
-    mount = sensor.get(f"base_from_{kind}")
+    mount = sensor.get(f"base_from_{key}")
     if world_from_base is None or mount is None:
         return dict(sensor)
-    return {**sensor, f"world_from_{kind}": (world_from_base @ np.array(mount)).tolist()}
+    return {**sensor, f"world_from_{key}": (world_from_base @ np.array(mount)).tolist()}
 
 
-def _camera(run: Run, view: Source, mounted: bool) -> dict[str, Any]:
-    lens = run.calibration.lens(view.name)
-    camera = {
-        "frame_id": lens.frame,
-        "K": lens.K.tolist(),
-        "P": lens.P.tolist(),
-        "distortion_model": lens.model,
-        "D": lens.D.tolist(),
-    }
-    return camera | {"base_from_camera": run.calibration.base_from(view.name).tolist()} if mounted else camera
-
-
-def _lidar(run: Run, lidar: Source) -> dict[str, Any]:
-    mount = run.calibration.base_from(lidar.name)
-    return {"frame_id": run.calibration.frame(lidar.name), "base_from_lidar": mount.tolist()}
+def _calibration(run: Run, source: Source) -> dict[str, Any]:
+    """Frame, lens and mount of a sensor."""
+    found, mounted = dict[str, Any](), table.TF_STATIC in run.counts
+    if source.type is Image:
+        lens = run.calibration.lens(source.name)
+        found = {"frame_id": lens.frame, "K": lens.K.tolist(), "P": lens.P.tolist()}
+        found |= {"distortion_model": lens.model, "D": lens.D.tolist()}
+    elif mounted:
+        found = {"frame_id": run.calibration.frame(source.name)}
+    mount = {f"base_from_{_KEYS[source.type]}": run.calibration.base_from(source.name).tolist()} if mounted else {}
+    return found | mount

@@ -22,14 +22,27 @@ from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, SPLITS, Frame, Frames, Member, cameras_of, require_frames
+from fieldtruth.exporters.frames import (
+    PAPER,
+    SPLITS,
+    Frame,
+    Frames,
+    Member,
+    cloud_about,
+    noun_of,
+    require_frames,
+    views_of,
+)
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
 from fieldtruth.ontology import LabelMap
 
 _Row = tuple[dict[str, Any], int]
 """Values by column, and their size [byte]."""
+_NAMES: Final = ["run", *(role.key for role in ROLES.values())]
+"""Columns of names, which repeat."""
 _GROUP_BYTES: Final = 32 * 10**6
 """Rows are written together up to this size, which is in memory."""
 _IMAGE: Final = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
@@ -82,13 +95,13 @@ def class_names(labels: LabelMap) -> list[str]:
 
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
-    views = [(member.run, v) for member in members for views in cameras_of(member.run).values() for v in views]
+    views = [(member.run, v) for member in members for views in views_of(member.run).values() for v in views]
     found = [_EXTRAS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_COLUMNS["image"][:2], *found, *_COLUMNS["image"][2:]) if views else ()
     columns += _COLUMNS["lens"] * any(_is_distorted(run, view) for run, view in views)
     formats = " or ".join(sorted({_format_of(run, view) for run, view in views}))
-    return tuple(column._replace(about=column.about.format(cameras=names, formats=formats)) for column in columns)
+    return tuple(column._replace(about=column.about.format(views=names, formats=formats)) for column in columns)
 
 
 def _format_of(run: Run, view: Source) -> str:
@@ -105,27 +118,29 @@ def _is_distorted(run: Run, view: Source) -> bool:
 def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the clouds: further fields of the points, if any run has them; nothing without clouds.
 
-    The LiDAR's name is a column, unless there is only the paper's.
+    The sensor's name is a column, unless there is only the paper's.
     """
-    lidars = [(member.run, lidar) for member in members for lidar in member.run.of(Cloud)]
-    fields = {field.name for run, lidar in lidars for field in run[lidar.name].message(0).fields}
+    sensors = [(member.run, sensor) for member in members for sensor in member.run.of(Cloud)]
+    fields = {field.name for run, sensor in sensors for field in run[sensor.name].message(0).fields}
     fields -= set() if "true_range" in fields else set(MEASURED)  # an ideal Ouster's reflectivity is the class
     found = [column for name, column in _FIELDS.items() if name in fields]
-    names = list(dict.fromkeys(lidar.name for _, lidar in lidars))
-    lidar = [Column("lidar", "string", " or ".join(names))] if names != [LIDAR] else []
-    return (*_COLUMNS["cloud"][:4], *found, *_COLUMNS["cloud"][4:6], *lidar, *_COLUMNS["cloud"][6:]) if lidars else ()
+    names = list(dict.fromkeys(sensor.name for _, sensor in sensors))
+    named = [Column(ROLES[Cloud].key, "string", " or ".join(names))] if names != [PAPER] else []
+    columns = (*_COLUMNS["cloud"][:4], *found, *_COLUMNS["cloud"][4:6], *named, *_COLUMNS["cloud"][6:])
+    noun = noun_of(sensor for _, sensor in sensors)
+    return tuple(each._replace(about=each.about.format(noun=noun)) for each in columns) if sensors else ()
 
 
 def _images(member: Member, options: Options) -> Iterator[_Row]:
-    """Rows of a run's images, camera by camera in time order."""
-    for views in cameras_of(member.run).values():
+    """Rows of a run's images, sensor by sensor in time order."""
+    for views in views_of(member.run).values():
         yield from _rows(member, "images", Frames(member.run, options.labels, views), _image_rows, options)
 
 
 def _clouds(member: Member, options: Options) -> Iterator[_Row]:
-    """Rows of a run's clouds, LiDAR by LiDAR in time order."""
-    for lidar in member.run.of(Cloud):
-        yield from _rows(member, "clouds", Frames(member.run, options.labels, [], [lidar]), _cloud_rows, options)
+    """Rows of a run's clouds, sensor by sensor in time order."""
+    for sensor in member.run.of(Cloud):
+        yield from _rows(member, "clouds", Frames(member.run, options.labels, [], [sensor]), _cloud_rows, options)
 
 
 def _rows(
@@ -137,17 +152,18 @@ def _rows(
 
 def _image_rows(member: Member, frame: Frame) -> list[_Row]:
     rows = []
-    for camera, view in frame.views.items():
-        name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
+    for label, view in frame.views.items():
+        name = f"{member.name}_{label}_{frame.stamp_ns:019d}"
         images = {"image": (view.photo, view.suffix), "mask": (encode_png(view.mask), ".png")}
         if "depth" in view.extras:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
             images["instances"] = ids_png(view.extras["instances"]), ".png"
-        about = frame.about["cameras"].get(camera, {})
+        key = ROLES[Image].key
+        about = frame.about[f"{key}s"].get(label, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
-        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": camera}
-        row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "K", "world_from_camera", "base_from_camera", "D")
+        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, key: label}
+        row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "image", "lens")
         flat: dict[str, NDArray[Any]] = {
             key: view.extras[key].ravel() for key in ("normals", "flow") if key in view.extras
         }
@@ -159,18 +175,18 @@ def _image_rows(member: Member, frame: Frame) -> list[_Row]:
 
 
 def _cloud_rows(member: Member, frame: Frame) -> list[_Row]:
-    ((lidar, cloud),) = frame.clouds.items()
+    ((sensor, cloud),) = frame.clouds.items()
     row: dict[str, Any] = {axis: cloud["xyz"][:, k] for k, axis in enumerate("xyz")}
     row |= {name: values for name, values in cloud.items() if name != "xyz"}
     size = sum(values.nbytes for values in row.values())
-    row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, "lidar": lidar}
-    about = frame.about[LIDAR] if lidar == LIDAR else frame.about["lidars"][lidar]
-    return [(row | {"stamp_ns": frame.stamp_ns} | _flat(about, "world_from_lidar", "base_from_lidar"), size)]
+    row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, ROLES[Cloud].key: sensor}
+    return [(row | {"stamp_ns": frame.stamp_ns} | _flat(cloud_about(frame, sensor), "cloud"), size)]
 
 
-def _flat(sensor: Mapping[str, Any], *keys: str) -> dict[str, list[float]]:
+def _flat(about: Mapping[str, Any], *tables: str) -> dict[str, list[float]]:
     """Matrices row by row, as far as they are known."""
-    return {key: np.ravel(sensor[key]).tolist() for key in keys if key in sensor}
+    names = [column.name for table in tables for column in _COLUMNS[table] if column.kind == "float64[]"]
+    return {name: np.ravel(about[name]).tolist() for name in names if name in about}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -234,7 +250,7 @@ class ParquetFiles:
         path = self._folder / f"{self._split}.{len(self._parts)}"
         self._parts.append(path)
         self._size = 0
-        return pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=["run", "camera", "lidar"])
+        return pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=_NAMES)
 
     def _numbered(self) -> list[Path]:
         """Rename the files, whose number is now known."""

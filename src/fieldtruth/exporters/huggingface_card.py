@@ -8,39 +8,39 @@ MLCommons (docs.mlcommons.org/croissant).
 """
 
 import json
-from collections.abc import Mapping, Sequence
-from importlib import resources
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any, Final, NamedTuple
 
 import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.core.yaml_io import package_data
-from fieldtruth.exporters.frames import SPLITS, Member
+from fieldtruth.core.yaml_io import filled, package_data
+from fieldtruth.datasets import ROLES
+from fieldtruth.exporters.frames import Member, noun_of
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
-"""Of what fieldtruth generated; the licence of other bags is not known."""
+"""Licence of what fieldtruth generated; that of other bags is not known."""
 
-_SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
-_LARGEST: Final = "1M<n<10M"
+_TEMPLATES: Final = Environment(
+    loader=PackageLoader("fieldtruth.exporters", "."),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 CROISSANT: Final = "croissant.json"
 
-_PARQUET: Final = "application/x-parquet"
-_CC_BY: Final = "https://creativecommons.org/licenses/by/4.0/"
-_TYPES: Final = {
-    "image": "sc:ImageObject",
-    "string": "sc:Text",
-    "float32": "sc:Float",
-    "float64": "sc:Float",
-}
-"""Data type by that of the column; all others are integers."""
+_KEYS: Final = ("run", *(role.key for role in ROLES.values()), "stamp_ns")
+"""Columns that identify a row."""
+_FIXED: Final = package_data("fieldtruth.exporters", "croissant.yaml")
 
 
 class Column(NamedTuple):
@@ -116,11 +116,21 @@ def is_own(members: Sequence[Member]) -> bool:
 def content_of(members: Sequence[Member]) -> tuple[str, list[str]]:
     """Return the kinds of readings of a data set, for its description, and the units with labels: pixel, point."""
     views = [view for member in members for view in member.run.of(Image, "photo", "label")]
+    clouds = _cloud_sensors(members)
     kinds = {
         "pixel": "Stereo photographs" if any(view.side for view in views) else "Photographs" if views else "",
-        "point": "LiDAR clouds" if any(member.run.of(Cloud) for member in members) else "",
+        "point": f"{noun_of(clouds)} clouds" if clouds else "",
     }
     return " and ".join(filter(None, kinds.values())), [unit for unit, kind in kinds.items() if kind]
+
+
+def _cloud_sensors(members: Sequence[Member]) -> list[Source]:
+    return [sensor for member in members for sensor in member.run.of(Cloud)]
+
+
+def _tags(members: Sequence[Member]) -> list[str]:
+    """Kinds of the sensors of clouds, by which data sets are found."""
+    return list(dict.fromkeys(sensor.config.kind for sensor in _cloud_sensors(members)))
 
 
 def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
@@ -133,33 +143,23 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
         names: of the classes by id, without gaps.
     """
     content, units = content_of(members)
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
-    body = Template(text).substitute(
+    return _TEMPLATES.get_template("huggingface.md.jinja").render(
+        header=header,
         title=title_of(members),
         content=content,
-        units=" and every\n".join(units),
+        units=units,
         version=fieldtruth.__version__,
-        runs=f"{len(members)} run{'s' * (len(members) != 1)}",
-        splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),
-        use="\n".join(f'{t.name} = load_dataset("FOLDER", "{t.name}", split="{next(iter(t.splits))}")' for t in tables),
-        columns="\n\n".join(_columns(table) for table in tables),
-        classes=_table(
-            ("id", "class", "RGB"), [(k, c.name, " ".join(map(str, c.rgb))) for k, c in sorted(labels.classes.items())]
-        ),
-        members=_table(("run", "split", "environment", "seed", "time [s]"), map(_member_row, members)),
-        origin=_origin(members) if is_own(members) else "Runs that fieldtruth did not generate are among them.",
-        limits=f"## Known limits\n\n{card_part('limits')}\n\n" if is_own(members) else "",
-        licence=card_part("licence") if is_own(members) else "The licence is that of the recorded bags.",
-    )
-    return f"---\n{header}---\n\n{body}"
-
-
-def _origin(members: Sequence[Member]) -> str:
-    made = [member.run.experiment for member in members if member.run.experiment is not None]
-    return (
-        f"All is simulated: {collection_of(made)}. {conditions_of(made)}\n"
-        "Labels and measurements are from the same ray, so no label is an estimate."
+        tables=tables,
+        members=members,
+        classes=sorted(labels.classes.items()),
+        noun=noun_of(_cloud_sensors(members)) or ROLES[Cloud].noun,
+        own=is_own(members),
+        collection=collection_of(made) if made else "",
+        conditions=conditions_of(made) if made else "",
+        limits=card_part("limits"),
+        licence=card_part("licence"),
     )
 
 
@@ -167,14 +167,13 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     columns = {column.name for table in tables for column in table.columns}
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
-    kinds = {"images": "image", "clouds": "3d"}
-    lidar = ["lidar" for table in tables if table.name == "clouds"]
+    shown = [{"images": "image", "clouds": "3d"}[table.name] for table in tables]
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),
-        "size_categories": [next((text for most, text in _SIZES.items() if rows < most), _LARGEST)],
+        "size_categories": [next(text for text, most in _FIXED["sizes"] if rows < most)],
         "task_categories": tasks,
-        "tags": ["synthetic", *lidar, "off-road", "semantic-segmentation", *(kinds[table.name] for table in tables)],
+        "tags": ["synthetic", *_tags(members), "off-road", "semantic-segmentation", *shown],
         "configs": [_configuration(table, default=table is tables[0]) for table in tables],
         "dataset_info": [_info(table, names) for table in tables],
     }
@@ -199,29 +198,6 @@ def _info(table: Table, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _split_rows(tables: Sequence[Table]) -> list[Sequence[object]]:
-    return [
-        (f"`{table.name}`", split, written.rows, f"{written.file_bytes / 1e6:.1f}")
-        for table in tables
-        for split, written in table.splits.items()
-    ]
-
-
-def _columns(table: Table) -> str:
-    return f"### {table.name}\n\n" + _table(("column", ""), [(f"`{c.name}`", c.about) for c in table.columns])
-
-
-def _member_row(member: Member) -> Sequence[object]:
-    made_by = member.run.experiment
-    known = ("", "") if made_by is None else (made_by.environment, made_by.seed)
-    return (member.name, member.split, *known, f"{member.run.duration_s:.1f}")
-
-
-def _table(head: Sequence[str], rows: Any) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # croissant.json
 
@@ -231,98 +207,70 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 
     Licence and responsible-AI properties are known only if fieldtruth generated all runs.
     """
-    fixed = package_data("fieldtruth.exporters", "croissant.yaml")
-    distribution: list[dict[str, Any]] = []
-    for table in tables:
-        paths = [path for written in table.splits.values() for path in written.files]
-        distribution += [_file_object(path, folder) for path in paths]
-        distribution.append(_file_set(table))
     content, units = content_of(members)
-    limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
-    own = {}
-    if is_own(members):
-        own = {"license": _CC_BY, "citeAs": fixed["citeAs"]} | _responsible(members, fixed["rai"], limits)
-    document = {
-        "@context": fixed["context"] | {term: f"cr:{term}" for term in fixed["terms"]} | fixed["context_after_terms"],
-        "@type": "sc:Dataset",
-        "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
-        "name": title_of(members),
-        "description": (
-            f"{content} of a ground robot in natural environments, with the class of every "
-            f"{' and '.join(units)}. Written by fieldtruth {fieldtruth.__version__}."
-        ),
-        "version": "1.0.0",
-        "keywords": ["robotics", *["lidar"] * ("point" in units), "semantic segmentation", "off-road", "synthetic"],
-        **own,
-        "creator": {"@type": "sc:Organization", "name": "fieldtruth"},
-        "isLiveDataset": False,
-        "distribution": distribution,
-        "recordSet": [_classes(labels), *map(_record_set, tables)],
+    every = " and ".join(units)
+    description = f"{content} of a ground robot in natural environments, with the class of every {every}. "
+    terms = {term: f"cr:{term}" for term in _FIXED["terms"]}
+    values = {
+        "context": _FIXED["context"] | terms | _FIXED["context_after_terms"],
+        "title": title_of(members),
+        "description": f"{description}Written by fieldtruth {fieldtruth.__version__}.",
+        "keywords": ["robotics", *_tags(members), "semantic segmentation", "off-road", "synthetic"],
+        "distribution": [node for table in tables for node in _files(table, folder)],
+        "records": [_classes(labels), *map(_records, tables)],
     }
+    own = _responsible(members) if is_own(members) else {}
+    document = filled(_FIXED["head"], values) | own | filled(_FIXED["content"], values)
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def _responsible(members: Sequence[Member], fixed: Mapping[str, Any], limits: Sequence[str]) -> dict[str, Any]:
-    """Return the responsible-AI properties of runs that fieldtruth generated."""
+def _responsible(members: Sequence[Member]) -> dict[str, Any]:
+    """Return licence, citation and responsible-AI properties of runs that fieldtruth generated."""
     made = [member.run.experiment for member in members if member.run.experiment is not None]
-    collection = f"Simulated by fieldtruth: {collection_of(made)}; cameras and LiDAR are ray tracers."
-    biases = [conditions_of(made), *fixed["dataBiases"]]
-    values = {**fixed} | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
-    return {f"rai:{key}": value for key, value in values.items()}
+    limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
+    collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
+    biases = [conditions_of(made), *_FIXED["rai"]["dataBiases"]]
+    values = _FIXED["rai"] | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
+    return _FIXED["licence"] | {f"rai:{key}": value for key, value in values.items()}
 
 
-def _node(kind: str, identifier: str, **values: Any) -> dict[str, Any]:
-    """Return a node of Croissant; its name is the identifier, unless ``name`` is another."""
-    return {"@type": f"cr:{kind}", "@id": identifier, "name": identifier} | values
+def _files(table: Table, folder: Path) -> Iterator[Any]:
+    """Nodes of the files of a table, and of their set."""
+    for path in (path for written in table.splits.values() for path in written.files):
+        size, name = f"{path.stat().st_size} B", path.relative_to(folder).as_posix()
+        yield filled(_FIXED["file"], {"name": name, "size": size, "sha256": sha256_of(path)})
+    about, pattern = f"The Parquet files of {table.name}, of all splits.", f"{table.name}/*.parquet"
+    yield filled(_FIXED["files"], {"name": f"{table.name}-files", "about": about, "pattern": pattern})
 
 
-def _file_object(path: Path, folder: Path) -> dict[str, Any]:
-    name = path.relative_to(folder).as_posix()
-    size, digest = f"{path.stat().st_size} B", sha256_of(path)
-    return _node("FileObject", name, contentUrl=name, contentSize=size, encodingFormat=_PARQUET, sha256=digest)
-
-
-def _file_set(table: Table) -> dict[str, Any]:
-    about, files = f"The Parquet files of {table.name}, of all splits.", f"{table.name}/*.parquet"
-    return _node("FileSet", f"{table.name}-files", description=about, encodingFormat=_PARQUET, includes=files)
-
-
-def _classes(labels: LabelMap) -> dict[str, Any]:
+def _classes(labels: LabelMap) -> Any:
     """The record set of the classes, whose records are in the metadata."""
-    fields = {"id": "sc:Integer", "name": "sc:Text", "rgb": "sc:Text"}
-    return _node(
-        "RecordSet",
-        "classes",
-        description=f"Id, name and colour of each class of {labels.name}.",
-        dataType="sc:Enumeration",
-        key={"@id": "classes/id"},
-        field=[_node("Field", f"classes/{name}", name=name, dataType=kind) for name, kind in fields.items()],
-        data=[
-            {"classes/id": number, "classes/name": name, "classes/rgb": " ".join(map(str, rgb))}
-            for number, (name, rgb) in sorted(labels.classes.items())
-        ],
-    )
+    data = [
+        {"classes/id": number, "classes/name": name, "classes/rgb": " ".join(map(str, rgb))}
+        for number, (name, rgb) in sorted(labels.classes.items())
+    ]
+    about = f"Id, name and colour of each class of {labels.name}."
+    return filled(_FIXED["classes"], {"about": about, "data": data})
 
 
-def _record_set(table: Table) -> dict[str, Any]:
-    files = {"fileSet": {"@id": f"{table.name}-files"}}
-    split = _node(
-        "Field",
-        f"{table.name}/split",
-        name="split",
-        description="train, val or test",
-        dataType="sc:Text",
-        source=files | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
-    )
-    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
-    fields = [split, *(_field(table.name, column, files) for column in table.columns)]
-    return _node("RecordSet", table.name, key=[{"@id": f"{table.name}/{name}"} for name in keys], field=fields)
+def _records(table: Table) -> Any:
+    """The record set of a table: a field for its split, and one for each column."""
+    keys = [column.name for column in table.columns if column.name in _KEYS]
+    split = filled(_FIXED["split"], {"id": f"{table.name}/split", "files": f"{table.name}-files"})
+    fields = [split, *(_field(table.name, column) for column in table.columns)]
+    values = {"name": table.name, "keys": [{"@id": f"{table.name}/{name}"} for name in keys], "fields": fields}
+    return filled(_FIXED["records"], values)
 
 
-def _field(table: str, column: Column, files: dict[str, Any]) -> dict[str, Any]:
-    source = files | {"extract": {"column": column.name}}
+def _field(table: str, column: Column) -> Any:
+    values = {
+        "id": f"{table}/{column.name}",
+        "column": column,
+        "type": _FIXED["types"].get(column.dtype, "sc:Integer"),
+        "files": f"{table}-files",
+    }
+    source = filled(_FIXED["source"], values)
     if column.kind == "image":
         source |= {"transform": {"jsonPath": "bytes"}}
-    values = {"name": column.name, "description": column.about, "dataType": _TYPES.get(column.dtype, "sc:Integer")}
-    repeated = {"repeated": True} if column.is_list else {}
-    return _node("Field", f"{table}/{column.name}", **values, **repeated, source=source)
+    field = filled(_FIXED["field"], values)
+    return field | ({"repeated": True} if column.is_list else {}) | {"source": source}

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from fieldtruth.core.png import encode_png
 
@@ -64,28 +65,8 @@ def flow_flo(flow: NDArray[np.float32]) -> bytes:
     return struct.pack("<4sii", b"PIEH", width, height) + known.tobytes()
 
 
-_SHORT, _LONG = 3, 4
-_HEADER: Final = struct.Struct("<2sHL")
-_ENTRY: Final = struct.Struct("<HHLL")
-
-
 def encode_tiff(image: NDArray[np.float32]) -> bytes:
-    """Encode an image (h, w) as uncompressed TIFF: header, one directory, one strip; little-endian."""
-    height, width = image.shape
-    data = np.ascontiguousarray(image, "<f4").tobytes()
-    entries = [
-        (256, _LONG, width),
-        (257, _LONG, height),
-        (258, _SHORT, 32),  # bits per sample
-        (259, _SHORT, 1),  # not compressed
-        (262, _SHORT, 1),  # 0 is black
-        (273, _LONG, 0),  # offset of the strip, see below
-        (277, _SHORT, 1),  # samples per pixel
-        (278, _LONG, height),  # rows of the strip
-        (279, _LONG, len(data)),
-        (339, _SHORT, 3),  # floating point
-    ]
-    start = _HEADER.size + 2 + len(entries) * _ENTRY.size + 4
-    rows = [_ENTRY.pack(tag, kind, 1, start if tag == 273 else value) for tag, kind, value in entries]
-    directory = struct.pack("<H", len(entries)) + b"".join(rows) + struct.pack("<L", 0)
-    return _HEADER.pack(b"II", 42, _HEADER.size) + directory + data
+    """Encode an image (h, w) with every bit as uncompressed TIFF."""
+    raw = BytesIO()
+    Image.fromarray(np.ascontiguousarray(image, np.float32)).save(raw, "TIFF")
+    return raw.getvalue()

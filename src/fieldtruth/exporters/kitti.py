@@ -4,10 +4,10 @@
 
 A sequence per run has clouds, photographs of a stereo pair, poses, times and calibration. A frame is a cloud, the
 photographs with the same stamp, and the pose at that stamp (see ``paired``). Of a rig with several sensors these are of
-the first LiDAR and the first stereo pair; without a pair image_2 is of the first camera.
+the first sensor of clouds and the first stereo pair; without a pair image_2 is of the first camera.
 
-Clouds are in the LiDAR's frame (x forward, y left, z up). cam0 is the left camera's optical frame; poses are those of
-cam0 relative to its first. Tr takes points from the LiDAR's frame to cam0.
+Clouds are in the sensor's frame (x forward, y left, z up). cam0 is the left camera's optical frame; poses are those of
+cam0 relative to its first. Tr takes points from the frame of the clouds to cam0.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views, require_pinholes
+from fieldtruth.exporters.frames import chosen_of_many, first_of_clouds, first_views, noun_of, require_pinholes
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = ("image_2", "image_3")
@@ -40,7 +40,7 @@ WINDOW_NS: Final = 500_000_000
 _EXACT_SHARE: Final = 0.1
 """Pairing is exact if at least this share of the clouds has photographs of its own stamp."""
 OPTICAL: Final = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
-"""The LiDAR's frame from an optical frame that looks along its x."""
+"""A frame of clouds from an optical frame that looks along its x."""
 
 
 class Geometry(NamedTuple):
@@ -49,12 +49,12 @@ class Geometry(NamedTuple):
     projection: tuple[Array, Array]
     """P (3, 4) [pixel] of the left and right camera, from points in cam0; of a single camera twice the same."""
     base_from_cam0: Array
-    base_from_lidar: Array
+    base_from_cloud: Array
 
     @property
-    def cam0_from_lidar(self) -> Array:
+    def cam0_from_cloud(self) -> Array:
         """(4, 4), KITTI's Tr."""
-        return transforms.inverse(self.base_from_cam0) @ self.base_from_lidar
+        return transforms.inverse(self.base_from_cam0) @ self.base_from_cloud
 
 
 def rectified_views(run: Run) -> list[Source]:
@@ -65,18 +65,18 @@ def rectified_views(run: Run) -> list[Source]:
     """
     if not (views := first_views(run)):
         raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
-    run.require(first_lidar(run).topic, *(view.info for view in views))
+    run.require(first_of_clouds(run).topic, *(view.info for view in views))
     require_pinholes(run, "KITTI")
     return views
 
 
-def has_cameras(run: Run) -> bool:
-    """Return True if the run has the calibration of a camera."""
+def has_lens(run: Run) -> bool:
+    """Return True if the run has the calibration of a view that ``first_views`` chooses."""
     return any(run.calibration.has_lens(view.name) for view in first_views(run))
 
 
 def read_geometry(run: Run) -> Geometry:
-    """Read the poses of the sensors; a run without cameras has cam0 in the LiDAR's centre, and [1 | 0] as projections.
+    """Read the poses of the sensors; a run without cameras has cam0 where clouds are taken, and [1 | 0] as projections.
 
     So has a run with panoramas, which have no projection matrix.
 
@@ -86,7 +86,7 @@ def read_geometry(run: Run) -> Geometry:
     views, calibration = first_views(run), run.calibration
     lenses = [calibration.lens(view.name) for view in views if calibration.has_lens(view.name)]
     if not lenses or any(lens.model == "equirectangular" for lens in lenses):
-        base_from_sensor = calibration.base_from(first_lidar(run).name)
+        base_from_sensor = calibration.base_from(first_of_clouds(run).name)
         return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
     run.require(table.TF_STATIC, *(view.info for view in views))
     left, right = views[0].name, views[-1].name
@@ -94,7 +94,7 @@ def read_geometry(run: Run) -> Geometry:
     sizes = [(lens.width, lens.height) for lens in lenses]
     if len({*sizes}) > 1:
         raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
-    return Geometry(projection, calibration.base_from(left), calibration.base_from(first_lidar(run).name))
+    return Geometry(projection, calibration.base_from(left), calibration.base_from(first_of_clouds(run).name))
 
 
 class Pair(NamedTuple):
@@ -143,7 +143,7 @@ def paired(clouds: Counts, images: Sequence[Counts]) -> list[Pair]:
 def calib_text(geometry: Geometry) -> str:
     """``calib.txt``; the grey cameras P0 and P1 of KITTI are those of the colour cameras P2 and P3."""
     left, right = geometry.projection
-    rows = {"P0": left, "P1": right, "P2": left, "P3": right, "Tr": geometry.cam0_from_lidar}
+    rows = {"P0": left, "P1": right, "P2": left, "P3": right, "Tr": geometry.cam0_from_cloud}
     return "".join(f"{name}: {row_text(matrix)}\n" for name, matrix in rows.items())
 
 
@@ -211,10 +211,11 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         write_motion(run, geometry, stamps_ns, folder, target / "poses" / f"{name}.txt")
         lines.append(f"| {name} | {run.name} | {len(stamps_ns)} | {stamps_ns[0]} | {apart_ns / 1e6:g} ms |\n")
         if chosen := chosen_of_many(run):
-            cameras = " and ".join(chosen["cameras"])
-            choices.append(f"\n{run.name}: LiDAR {chosen['lidar']}, photographs of {cameras}.\n")
+            noun, views = noun_of([first_of_clouds(run)]), " and ".join(chosen.views)
+            choices.append(f"\n{run.name}: {noun} {chosen.cloud}, photographs of {views}.\n")
     has_pair = any(len(first_views(run)) == 2 for run in runs)
-    text = _TEXTS["readme"].format(**_TEXTS["pair" if has_pair else "single"])
+    noun = noun_of(first_of_clouds(run) for run in runs)
+    text = _TEXTS["readme"].format(noun=noun, **_TEXTS["pair" if has_pair else "single"])
     (target / "README.md").write_text(text + "".join(lines + choices), encoding="utf-8")
 
 
@@ -227,7 +228,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     views = first_views(run)
     for name in (CLOUDS, *IMAGES[: len(views)]):
         (folder / name).mkdir(parents=True)
-    clouds = run.readings(first_lidar(run).name, labelled=False)
+    clouds = run.readings(first_of_clouds(run).name, labelled=False)
     photos = [run.readings(view.name, ["photo"]) for view in views]
 
     def save(numbered: tuple[int, Pair]) -> tuple[int, int]:

@@ -25,7 +25,7 @@ from fieldtruth.core.png import encode_png
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, area, clipped, visible_pixels, world_of_run
-from fieldtruth.exporters.frames import first_lidar
+from fieldtruth.exporters.frames import first_of_clouds
 from fieldtruth.exporters.kitti import (
     CLOUDS,
     Geometry,
@@ -80,7 +80,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     run.require_instances(view.topics["instance"])
     with options.progress.stage("build the world"):
         world = world_of_run(run)
-    clouds = run.readings(first_lidar(run).name, labelled=False)
+    clouds = run.readings(first_of_clouds(run).name, labelled=False)
     images = run.readings(view.name, ["photo", "instance"])
     source = _Source(clouds, images, world, view, read_geometry(run), run.trajectory, threading.local())
     folder = target / "training"
@@ -112,9 +112,8 @@ def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:
 
 def _calib(geometry: Geometry) -> str:
     """Calibration of a frame: names and rotations that the devkit of objects has instead of those of odometry."""
-    rows = {"R0_rect": np.eye(3), "Tr_imu_to_velo": np.eye(3, 4)}
     own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:")
-    return own + "".join(f"{name}: {row_text(matrix)}\n" for name, matrix in rows.items())
+    return f"{own}R0_rect: {row_text(np.eye(3))}\nTr_imu_to_velo: {row_text(np.eye(3, 4))}\n"
 
 
 def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, str]:

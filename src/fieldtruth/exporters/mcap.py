@@ -8,7 +8,7 @@ The log time of a message is its stamp in the bag. Headers lose their ``seq``, w
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -31,6 +31,7 @@ from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
 from fieldtruth.bag.ros2 import MODEL_STATES, ROS1_GAP, ROS2_GAP, ModelStatesConverter
 from fieldtruth.bag.run import Run
 from fieldtruth.core.progress import timed
+from fieldtruth.core.yaml_io import filled, package_data
 from fieldtruth.exporters import Options
 
 _CHUNK_SIZE: Final = 4 * 2**20
@@ -119,40 +120,10 @@ def _rosbag2_metadata(run: Run, rows: Sequence[tuple[_Channel, int]]) -> str:
 
     Version 8 is the last whose QoS settings Humble reads, too.
     """
-
-    def totals() -> dict[str, Any]:
-        return {
-            "starting_time": {"nanoseconds_since_epoch": run.start_ns},
-            "duration": {"nanoseconds": run.end_ns - run.start_ns},
-            "message_count": sum(count for _, count in rows),
-        }
-
-    topics = [
-        {
-            "topic_metadata": {
-                "name": channel.topic,
-                "type": channel.msgtype,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": channel.qos,
-                "type_description_hash": channel.digest,
-            },
-            "message_count": count,
-        }
-        for channel, count in rows
-    ]
-    name = f"{run.name}.mcap"
-    metadata = {
-        "version": 8,
-        "storage_identifier": "mcap",
-        **totals(),
-        "topics_with_message_count": topics,
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [name],
-        "files": [{"path": name, **totals()}],
-        "custom_data": {},
-        "ros_distro": "humble",
-    }
+    template = package_data("fieldtruth.exporters", "mcap.yaml")
+    totals = {"start": run.start_ns, "duration": run.end_ns - run.start_ns, "count": sum(count for _, count in rows)}
+    topics = [filled(template["topic"], {"channel": channel, "count": count}) for channel, count in rows]
+    metadata = filled(template["bag"], totals | {"name": f"{run.name}.mcap", "topics": topics})
     return yaml.safe_dump(metadata, sort_keys=False)
 
 

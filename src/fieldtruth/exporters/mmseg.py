@@ -20,7 +20,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import SPLITS, Frames, Member, cameras_of, require_frames
+from fieldtruth.exporters.frames import SPLITS, Frames, Member, require_frames, views_of
 from fieldtruth.ontology import OWN, LabelMap
 
 IGNORED: Final = 255
@@ -63,17 +63,17 @@ def _classes(labels: LabelMap) -> list[int]:
 def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> set[str]:
     """Write photographs and train ids of a run; return the endings of the photographs."""
     require_frames(member.run, clouds=False)
-    cameras = [Frames(member.run, OWN, views, extras=()) for views in cameras_of(member.run).values()]
+    every = [Frames(member.run, OWN, views, extras=()) for views in views_of(member.run).values()]
 
     def save(frame_of: tuple[Frames, int]) -> set[str]:
         frame = frame_of[0][frame_of[1]]
-        for camera, view in frame.views.items():
-            name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
+        for label, view in frame.views.items():
+            name = f"{member.name}_{label}_{frame.stamp_ns:019d}"
             (target / "img_dir" / member.split / f"{name}{view.suffix}").write_bytes(view.photo)
             (target / "ann_dir" / member.split / f"{name}.png").write_bytes(encode_png(np.take(numbers, view.mask)))
         return {view.suffix for view in frame.views.values()}
 
-    jobs = [(frames, i) for frames in cameras for i in range(len(frames))]
+    jobs = [(frames, i) for frames in every for i in range(len(frames))]
     return {suffix for found in options.each(f"{member.name}: images", member.run, jobs, save) for suffix in found}
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.readings import Cloud
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, first_lidar, intensity_is_class
+from fieldtruth.exporters.frames import PAPER, first_of_clouds, intensity_is_class, noun_of
 from fieldtruth.ontology import OWN, LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
@@ -27,26 +28,26 @@ _TEXTS: Final = package_data("fieldtruth.exporters", "pcd.yaml")
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder ``target``: ``<stamp in ns>.pcd`` for each cloud, and a README.
 
-    Clouds of LiDARs other than the paper's are in folders of their names.
+    Clouds of sensors other than the paper's are in folders of their names.
 
     Raises:
         BagError: the bag has no clouds, true poses or /tf_static, clouds have no labels, or the bag is damaged.
     """
     (run,) = runs
-    lidars = run.of(Cloud) or [first_lidar(run)]
-    mounts, trajectory = {each.name: run.calibration.base_from(each.name) for each in lidars}, run.trajectory
-    folders = {lidar.name: target / ("" if lidar.name == LIDAR else lidar.name) for lidar in lidars}
-    run.streams([lidar.topic for lidar in lidars])
-    clouds = {lidar.name: run[lidar.name] for lidar in lidars}
+    sensors = run.of(Cloud) or [first_of_clouds(run)]
+    mounts, trajectory = {each.name: run.calibration.base_from(each.name) for each in sensors}, run.trajectory
+    folders = {each.name: target / ("" if each.name == PAPER else each.name) for each in sensors}
+    run.streams([each.topic for each in sensors])
+    clouds = {each.name: run[each.name] for each in sensors}
     for folder in (target, *folders.values()):
         folder.mkdir(exist_ok=True)
-    (target / "README.md").write_text(_readme(run, options.labels), encoding="utf-8")
+    (target / "README.md").write_text(_readme(run, sensors, options.labels), encoding="utf-8")
 
     def save(job: tuple[int, str, int]) -> None:
         stamp, name, row = job
-        world_from_lidar = trajectory.world_from_base(stamp) @ mounts[name]
+        world_from_sensor = trajectory.world_from_base(stamp) @ mounts[name]
         rows = _with_colours(clouds[name].read(row), options.labels)
-        (folders[name] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
+        (folders[name] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_sensor) + rows.tobytes())
 
     jobs = sorted((s, name, row) for name, each in clouds.items() for row, s in enumerate(each.stamps_ns.tolist()))
     for _ in options.each("write the clouds", run, jobs, save):
@@ -68,12 +69,12 @@ def _with_colours(cloud: Cloud, labels: LabelMap) -> NDArray[np.void]:
     return rows
 
 
-def _header(rows: NDArray[np.void], world_from_lidar: Array) -> bytes:
+def _header(rows: NDArray[np.void], world_from_sensor: Array) -> bytes:
     names = rows.dtype.names or ()
     kinds = [rows.dtype[name] for name in names]
     types = ["F" if name == "rgb" else _TYPES[kind.base.kind] for name, kind in zip(names, kinds, strict=True)]
-    quaternion = transforms.quaternion_wxyz_from_rotation(world_from_lidar[:3, :3])
-    viewpoint = np.round([*world_from_lidar[:3, 3], *quaternion], 12) + 0.0
+    quaternion = transforms.quaternion_wxyz_from_rotation(world_from_sensor[:3, :3])
+    viewpoint = np.round([*world_from_sensor[:3, 3], *quaternion], 12) + 0.0
     lines = {
         "VERSION": ["0.7"],
         "FIELDS": names,
@@ -90,12 +91,13 @@ def _header(rows: NDArray[np.void], world_from_lidar: Array) -> bytes:
     return f"# .PCD v0.7 - Point Cloud Data file format\n{text}".encode("ascii")
 
 
-def _readme(run: Run, labels: LabelMap) -> str:
+def _readme(run: Run, sensors: Sequence[Source], labels: LabelMap) -> str:
     own_void = int(Label.VOID) if labels is OWN else None
     rows = [(number, name, rgb) for number, (name, rgb) in sorted(labels.classes.items()) if number != own_void]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
-    others = [f"`{lidar.name}/`" for lidar in run.of(Cloud) if lidar.name != LIDAR]
-    folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
-    by_class = all(map(intensity_is_class, run.of(Cloud)))
+    noun, others = noun_of(sensors), [f"`{each.name}/`" for each in sensors if each.name != PAPER]
+    folders = f"Clouds of these {noun}s are in folders of their names: {', '.join(others)}.\n" if others else ""
+    by_class = all(map(intensity_is_class, sensors))
     intensity = "fieldtruth's id of the class" if by_class else "that of the class or the reflectivity"
-    return str(_TEXTS["readme"]).format(name=run.name, folders=folders, intensity=intensity) + "".join(lines)
+    words = {"name": run.name, "noun": noun, "folders": folders, "intensity": intensity}
+    return str(_TEXTS["readme"]).format_map(words) + "".join(lines)

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as SemanticKITTI: clouds with class and instance id per point, poses, calibration, a sequence per run.
 
-Conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the LiDAR's frame (x
-forward, y left, z up), poses of the left camera's optical frame (cam0) relative to its first, ``Tr`` from the LiDAR's
-frame to cam0. In a run without cameras, cam0 is an optical frame in the LiDAR's centre, and P is [1 | 0]. Of a rig with
-several sensors, clouds are those of the first LiDAR, images those of the first stereo pair or else of the first camera.
+Conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the frame of their
+sensor (x forward, y left, z up), poses of the left camera's optical frame (cam0) relative to its first, ``Tr`` from the
+former to cam0. In a run without cameras, cam0 is an optical frame in the centre of that sensor, and P is [1 | 0]. Of a
+rig with several sensors, clouds are those of the first that gives them, images those of the first stereo pair or
+else of the first camera.
 """
 
 from collections.abc import Sequence
@@ -23,11 +24,12 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.readings import Cloud
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import chosen_of_many, first_lidar, first_views
-from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_cameras, read_geometry, write_cloud, write_motion
+from fieldtruth.exporters.frames import Chosen, chosen_of_many, first_of_clouds, first_views, noun_of
+from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_lens, read_geometry, write_cloud, write_motion
 from fieldtruth.ontology import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
@@ -54,7 +56,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: a bag has no clouds, true poses or /tf_static, too many objects, or is damaged.
     """
     for run in runs:
-        first_lidar(run)
+        first_of_clouds(run)
         if (most := len(read_objects(run)[0])) > _MAX_INSTANCE + 1:
             raise BagError(
                 f"{run.bag} has {most} objects; instance ids of a label file have 16 bits, up to {_MAX_INSTANCE}"
@@ -66,16 +68,18 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     ]
     description = _description(runs, written, options.labels)
     text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
-    photographs = _TEXTS["photographs"][max(len(first_views(run)) * has_cameras(run) for run in runs)]
+    photographs = _TEXTS["photographs"][max(len(first_views(run)) * has_lens(run) for run in runs)]
     if photographs:
         photographs = f"# {photographs} the photographs with the stamp of a cloud, under the cloud's number.\n"
-    (target / "fieldtruth.yaml").write_text(_TEXTS["header"].format(photographs=photographs) + text, encoding="utf-8")
+    noun = noun_of(first_of_clouds(run) for run in runs)
+    header = _TEXTS["header"].format(photographs=photographs, noun=noun)
+    (target / "fieldtruth.yaml").write_text(header + text, encoding="utf-8")
 
 
 def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:
     stamps_ns, counts = _write_clouds(run, folder, options)
     world_from_cam0 = write_motion(run, geometry, stamps_ns, folder, folder / "poses.txt")
-    images = _write_images(run, stamps_ns, folder, options) if has_cameras(run) else 0
+    images = _write_images(run, stamps_ns, folder, options) if has_lens(run) else 0
     return _Written(stamps_ns, counts, images, world_from_cam0)
 
 
@@ -88,7 +92,7 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     ids = options.labels.ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
-    clouds = run[first_lidar(run).name]
+    clouds = run[first_of_clouds(run).name]
     counts: Counts = np.zeros(256, np.int64)
 
     def save(number: int) -> Counts:
@@ -170,7 +174,7 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
         "sequences": {
             number: {
                 "run": run.name,
-                **chosen_of_many(run),
+                **_named(chosen_of_many(run)),
                 "clouds": len(done.stamps_ns),
                 "points": int(done.points.sum()),
                 "images": done.images,
@@ -180,6 +184,11 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
             for number, (run, done) in enumerate(zip(runs, written, strict=True))
         },
     }
+
+
+def _named(chosen: Chosen | None) -> dict[str, Any]:
+    """Sensors of a sequence, if they were chosen of many."""
+    return {} if chosen is None else {ROLES[Cloud].key: chosen.cloud, f"{ROLES[Image].key}s": chosen.views}
 
 
 def _split(sequences: int) -> dict[str, list[int]]:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Export configuration files of SLAM programs for a run: topics, mounts, lenses, LiDAR and noise of its rig.
+"""Export configuration files of SLAM programs for a run: topics, mounts, lenses, rays and noise of its sensors.
 
-Programs take one LiDAR, one IMU and one camera. Of a rig with several sensors these are the first LiDAR, the first IMU
-and the first stereo pair, without a pair the first camera. Mounts, lenses and fields of points are those of the
-messages in the bag.
+Programs take one LiDAR, one IMU and one camera. These are the first sensor of the rig that scans in rings and columns,
+the first that gives inertial readings, and the first stereo pair, without a pair the first sensor of images. Mounts,
+lenses and fields of points are those of the messages in the bag.
 
 ``slam/*.yaml`` are the files with ``$names`` in place of the values that depend on the rig. Keys and conventions are
 those of the sources named at each function. It returns the files by name, or why the program cannot read these sensors,
@@ -14,7 +14,6 @@ in one line.
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -26,24 +25,28 @@ from fieldtruth.bag.topics import TF_STATIC, Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.core.lenses import COEFFICIENTS, Lens
 from fieldtruth.core.readings import Cloud, Image, Inertial
-from fieldtruth.core.yaml_io import package_data, write_mapping
+from fieldtruth.core.yaml_io import filled, package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views
 from fieldtruth.exporters.tum import tum_text
+from fieldtruth.report.rig import kalibr_lens
 
 Files = dict[str, str]
 """Text by name of the file."""
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
 """Datatypes of sensor_msgs/PointField."""
+_TEXTS: Final = package_data("fieldtruth.exporters", "slam_configs.yaml")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The sensors of a run
 
 
-class ImuNoise(NamedTuple):
+class InertialNoise(NamedTuple):
     """White noise and random walk of the bias of an IMU, one figure for its three axes."""
 
     gyroscope: float
@@ -56,18 +59,18 @@ class ImuNoise(NamedTuple):
     """[m/s^3/sqrt(Hz)]."""
 
 
-ASSUMED_NOISE: Final = ImuNoise(1.6968e-4, 2.0e-3, 1.9393e-5, 3.0e-3)
-"""Of an IMU without noise, because filters divide by it: an ADIS16448 as in sensor.yaml of the EuRoC data set (Burri et
-al., 2016, doi 10.1177/0278364915620033)."""
+ASSUMED_NOISE: Final = InertialNoise(1.6968e-4, 2.0e-3, 1.9393e-5, 3.0e-3)
+"""Noise of an IMU that reads exactly, because filters divide by it: an ADIS16448 as in sensor.yaml of EuRoC's data set
+(Burri et al., 2016, doi 10.1177/0278364915620033)."""
 
 
-class LidarFacts(NamedTuple):
-    """A LiDAR."""
+class CloudFacts(NamedTuple):
+    """A sensor that scans in rings and columns."""
 
     name: str
     topic: str
     frame: str
-    base_from_lidar: Array
+    base_from_sensor: Array
     config: Any
     fields: Mapping[str, int]
     """Datatype of each field of its points, as in sensor_msgs/PointField."""
@@ -88,14 +91,14 @@ class LidarFacts(NamedTuple):
         return self.fields.get("ring") == _UINT8
 
 
-class ImuFacts(NamedTuple):
+class InertialFacts(NamedTuple):
     """An inertial measurement unit."""
 
     name: str
     topic: str
-    base_from_imu: Array
+    base_from_sensor: Array
     rate_hz: float
-    noise: ImuNoise
+    noise: InertialNoise
     assumed: bool
     """True: the readings are exact, and the noise is ``ASSUMED_NOISE``."""
 
@@ -105,13 +108,9 @@ class ViewFacts(NamedTuple):
 
     name: str
     topic: str
-    """Of the raw image after ``image_transport republish``: that of the photograph without /compressed."""
+    """Topic of the raw image after ``image_transport republish``: that of the photograph without /compressed."""
     base_from_optical: Array
-    model: str
-    """pinhole, plumb_bob, rational_polynomial, equidistant or equirectangular."""
-    intrinsics: tuple[float, float, float, float]
-    """fx, fy, cx, cy [pixel]; the centre of the first pixel is (0, 0)."""
-    coefficients: tuple[float, ...]
+    lens: Lens
     width: int
     height: int
     rate_hz: float
@@ -120,64 +119,67 @@ class ViewFacts(NamedTuple):
 class Facts(NamedTuple):
     """The sensors that a program can use; without one that the bag lacks."""
 
-    lidar: LidarFacts | None
-    imu: ImuFacts | None
+    cloud: CloudFacts | None
+    inertial: InertialFacts | None
     views: tuple[ViewFacts, ...]
-    """Left and right of a pair, or the view of a camera."""
+    """Left and right of a pair, or a single view."""
     more: tuple[str, ...]
-    """Names of LiDARs, IMUs and cameras that the rig has beside these."""
+    """Names of sensors of clouds, inertial readings and images that the rig has beside these."""
 
 
 def read_facts(run: Run) -> Facts:
-    """Read what a bag has of the first sensor of each kind.
+    """Read what a bag has of the first sensors whose readings are clouds of scans, inertial and images.
 
     Raises:
         BagError: /tf_static is missing or does not connect a sensor with base_link, or the bag is damaged.
     """
     run.require(TF_STATIC)
-    lidars, imus = run.of(Cloud), run.of(Inertial)
+    scanning = [each for each in run.of(Cloud) if isinstance(each.config, ScanningConfig)]
+    inertial = run.of(Inertial)
     views = [view for view in first_views(run) if view.has(run.counts, "photo") and run.calibration.has_lens(view.name)]
-    used, cameras = {view.device for view in views}, dict.fromkeys(v.device for v in run.of(Image, recorded=False))
-    others = [camera for camera in cameras if camera not in used]
-    more = [sensor.name for sensor in (*lidars[1:], *imus[1:])] + others * bool(views)
+    used, devices = {view.device for view in views}, dict.fromkeys(v.device for v in run.of(Image, recorded=False))
+    more = [each.name for each in run.of(Cloud) if each not in scanning[:1]] + [each.name for each in inertial[1:]]
     return Facts(
-        _lidar(run, lidars[0]) if lidars else None,
-        _imu(run, imus[0]) if imus else None,
+        _cloud(run, scanning[0]) if scanning else None,
+        _inertial(run, inertial[0]) if inertial else None,
         tuple(_view(run, view) for view in views),
-        tuple(more),
+        (*more, *(device for device in devices if views and device not in used)),
     )
 
 
-def _lidar(run: Run, lidar: Source) -> LidarFacts:
-    frame, mount = run.calibration.frame(lidar.name), run.calibration.base_from(lidar.name)
-    fields = {field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields}
-    return LidarFacts(lidar.name, lidar.topic, frame, mount, lidar.config, fields)
+def _cloud(run: Run, sensor: Source) -> CloudFacts:
+    frame, mount = run.calibration.frame(sensor.name), run.calibration.base_from(sensor.name)
+    fields = {field.name: field.datatype for field in run.readings(sensor.name, labelled=False).message(0).fields}
+    return CloudFacts(sensor.name, sensor.topic, frame, mount, sensor.config, fields)
 
 
-def _imu(run: Run, imu: Source) -> ImuFacts:
-    noise, mount = noise_of(imu.config), run.calibration.base_from(imu.name)
-    return ImuFacts(imu.name, imu.topic, mount, imu.config.rate_hz, noise or ASSUMED_NOISE, noise is None)
+def _inertial(run: Run, sensor: Source) -> InertialFacts:
+    noise, mount = noise_of(sensor.config), run.calibration.base_from(sensor.name)
+    return InertialFacts(sensor.name, sensor.topic, mount, sensor.config.rate_hz, noise or ASSUMED_NOISE, noise is None)
 
 
-def noise_of(imu: Any) -> ImuNoise | None:
+def noise_of(config: Any) -> InertialNoise | None:
     """Noise of an IMU, of the worst axis; None if it reads exactly. What it lacks, as often walks, is assumed."""
-    if (signal := imu.signal) is None:
+    if (signal := config.signal) is None:
         return None
     names = ("noise_density", "random_walk")
     keys = (f"{triad}_{name}" for name in names for triad in ("gyroscope", "accelerometer"))
-    figures = (float(np.max(getattr(signal, key))) for key in keys)
-    return ImuNoise(*(figure or assumed for figure, assumed in zip(figures, ASSUMED_NOISE, strict=True)))
+    figures = (float(np.max(getattr(signal, key, 0.0))) for key in keys)
+    return InertialNoise(*(figure or assumed for figure, assumed in zip(figures, ASSUMED_NOISE, strict=True)))
 
 
 def _view(run: Run, view: Source) -> ViewFacts:
-    lens = run.calibration.lens(view.name)
+    lens, model = run.calibration.lens(view.name), "pinhole"
+    fx, fy, cx, cy = (float(lens.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    coefficients: tuple[float, ...] = ()
+    if not lens.is_pinhole:  # some drivers leave out the last coefficients
+        model, names = lens.model, COEFFICIENTS.get(lens.model, "").split()
+        coefficients = (*lens.D.tolist(), *[0.0] * (len(names) - len(lens.D)))
     return ViewFacts(
         name=view.label,
         topic=view.topic.removesuffix("/compressed"),
         base_from_optical=run.calibration.base_from(view.name),
-        model="pinhole" if lens.is_pinhole else lens.model,
-        intrinsics=(float(lens.K[0, 0]), float(lens.K[1, 1]), float(lens.K[0, 2]), float(lens.K[1, 2])),
-        coefficients=() if lens.is_pinhole else tuple(lens.D.tolist()),
+        lens=Lens(model, fx, fy, cx, cy, coefficients),
         width=lens.width,
         height=lens.height,
         rate_hz=view.config.rate_hz,
@@ -200,21 +202,21 @@ _NO_NOISE: Final = "# The IMU reads exactly; its noise here is assumed, because 
 
 def kiss_icp(facts: Facts) -> Files | str:
     """KISS-ICP 1.3 (PRBonn/kiss-icp 4bd9a10, config/config.py). Its poses are those of the LiDAR's frame."""
-    if facts.lidar is None:
+    if facts.cloud is None:
         return "no LiDAR"
-    head = f"# KISS-ICP: kiss_icp_pipeline --topic {facts.lidar.topic} --config kiss_icp.yaml BAG\n"
+    head = f"# KISS-ICP: kiss_icp_pipeline --topic {facts.cloud.topic} --config kiss_icp.yaml BAG\n"
     return {"kiss_icp.yaml": head + write_mapping(_filled("kiss_icp", facts))}
 
 
 def rko_lio(facts: Facts) -> Files | str:
     """RKO-LIO 0.4 (PRBonn/rko_lio a335c17, config.py): mounts in the base frame, here that of the LiDAR."""
-    lidar, imu = facts.lidar, facts.imu
-    if lidar is None or imu is None:
-        return "no LiDAR" if lidar is None else "no IMU"
-    pose = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
+    cloud, inertial = facts.cloud, facts.inertial
+    if cloud is None or inertial is None:
+        return "no LiDAR" if cloud is None else "no IMU"
+    pose = transforms.inverse(cloud.base_from_sensor) @ inertial.base_from_sensor
     xyzw = transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(pose[:3, :3]))
-    head = f"# RKO-LIO: rko_lio --config rko_lio.yaml --lidar {lidar.topic} --imu {imu.topic} FOLDER_OF_THE_BAG\n"
-    values = _filled("rko_lio", facts, lidar_from_imu=_numbers([*xyzw, *pose[:3, 3]]))
+    head = f"# RKO-LIO: rko_lio --config rko_lio.yaml --lidar {cloud.topic} --imu {inertial.topic} FOLDER_OF_THE_BAG\n"
+    values = _filled("rko_lio", facts, cloud_from_inertial=_numbers([*xyzw, *pose[:3, 3]]))
     return {"rko_lio.yaml": head + write_mapping(values)}
 
 
@@ -224,14 +226,14 @@ def lio_sam(facts: Facts) -> Files | str:
     ``extrinsicRot`` turns readings of the IMU into the LiDAR's axes, and so does ``extrinsicRPY`` for the orientation;
     ``extrinsicTrans`` is the IMU's position in the LiDAR's frame: the LiDAR's pose is multiplied by it from the right.
     """
-    lidar, imu = facts.lidar, facts.imu
-    if lidar is None or imu is None:
-        return "no LiDAR" if lidar is None else "no IMU"
-    if lidar.config.pattern is not None:
+    cloud, inertial = facts.cloud, facts.inertial
+    if cloud is None or inertial is None:
+        return "no LiDAR" if cloud is None else "no IMU"
+    if getattr(cloud.config, "pattern", None) is not None:
         return "it orders points by ring and azimuth, which a Livox does not have"
-    if lidar.has_short_ring and lidar.has_t:
+    if cloud.has_short_ring and cloud.has_t:
         sensor = "ouster"
-    elif not lidar.has_short_ring and (lidar.has_time or not lidar.has_t):
+    elif not cloud.has_short_ring and (cloud.has_time or not cloud.has_t):
         sensor = "velodyne"
     else:
         return "it reads a ring of 8 bits with t, or of 16 bits with time; set time_field: time or point_fields: ouster"
@@ -240,9 +242,9 @@ def lio_sam(facts: Facts) -> Files | str:
         facts,
         sensor=sensor,
         gravity=GRAVITY,
-        **_rotation_and_position(transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu),
+        **_rotation_and_position(transforms.inverse(cloud.base_from_sensor) @ inertial.base_from_sensor),
     )
-    head = "# LIO-SAM: config/params.yaml. Its other keys keep their defaults.\n" + _NO_NOISE * imu.assumed
+    head = "# LIO-SAM: config/params.yaml. Its other keys keep their defaults.\n" + _NO_NOISE * inertial.assumed
     return {"lio_sam.yaml": head + write_mapping(values)}
 
 
@@ -252,13 +254,13 @@ def fast_lio2(facts: Facts) -> Files | str:
     Its clouds must be PointCloud2: those of a Livox are read by their ``t``, as an Ouster's. Variances are those of a
     reading, and of the bias's change over the time between two, as its prediction multiplies both by that time.
     """
-    lidar, imu = facts.lidar, facts.imu
-    if lidar is None or imu is None:
-        return "no LiDAR" if lidar is None else "no IMU"
-    kind, unit = (_OUSTER, _NANOSECOND) if lidar.has_t else (_MARSIM, _SECOND)
-    if lidar.has_time:
+    cloud, inertial = facts.cloud, facts.inertial
+    if cloud is None or inertial is None:
+        return "no LiDAR" if cloud is None else "no IMU"
+    kind, unit = (_OUSTER, _NANOSECOND) if cloud.has_t else (_MARSIM, _SECOND)
+    if cloud.has_time:
         kind, unit = _VELODYNE, _SECOND
-    noise = imu.noise
+    noise = inertial.noise
     densities = (noise.accelerometer, noise.gyroscope, noise.accelerometer_walk, noise.gyroscope_walk)
     pairs = zip(_LEAST_VARIANCE.items(), densities, strict=True)
     values = _filled(
@@ -266,28 +268,20 @@ def fast_lio2(facts: Facts) -> Files | str:
         facts,
         kind=kind,
         unit=unit,
-        rate=round(lidar.config.rate_hz),
-        fov=90.0 if lidar.config.pattern == "avia" else 180.0,
-        **{key: max(density * density * imu.rate_hz, least) for (key, least), density in pairs},
-        **_rotation_and_position(transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar),
+        rate=round(cloud.config.rate_hz),
+        fov=90.0 if getattr(cloud.config, "pattern", None) == "avia" else 180.0,
+        **{key: max(density * density * inertial.rate_hz, least) for (key, least), density in pairs},
+        **_rotation_and_position(transforms.inverse(inertial.base_from_sensor) @ cloud.base_from_sensor),
     )
     head = "# FAST-LIO2: a file for its folder config; *_cov are at least those of its own files.\n"
-    return {"fast_lio2.yaml": head + _NO_NOISE * imu.assumed + write_mapping(values)}
+    return {"fast_lio2.yaml": head + _NO_NOISE * inertial.assumed + write_mapping(values)}
 
 
 def _filled(template: str, facts: Facts, **values: Any) -> dict[str, Any]:
-    """Return the values of a template, with those that its ``$names`` stand for: ``values``, or attributes of facts."""
-
-    def fill(node: Any) -> Any:
-        if isinstance(node, dict):
-            return {key: fill(each) for key, each in node.items()}
-        if not (isinstance(node, str) and node.startswith("$")):
-            return node
-        found = values[node[1:]] if node[1:] in values else attrgetter(node[1:])(facts)
-        return list(found) if isinstance(found, list) else found  # a copy: YAML would refer to the first of two
-
-    filled: dict[str, Any] = fill(package_data("fieldtruth.exporters", f"slam/{template}.yaml"))
-    return filled
+    """Return the values of a template, whose ``$names`` stand for ``values``, or attributes of facts."""
+    text = package_data("fieldtruth.exporters", f"slam/{template}.yaml")
+    found: dict[str, Any] = filled(text, facts._asdict() | values)
+    return found
 
 
 def _numbers(values: Any) -> list[float]:
@@ -313,51 +307,31 @@ _ORB_LENSES: Final = {"pinhole": "PinHole", "plumb_bob": "PinHole", "equidistant
 
 def open_vins(facts: Facts) -> Files | str:
     """OpenVINS (rpng/open_vins 6948812, config/euroc_mav): ``T_imu_cam`` takes points of the camera to the IMU."""
-    if not facts.views or facts.imu is None:
+    if not facts.views or facts.inertial is None:
         return "no IMU" if facts.views else "no camera"
     count = len(facts.views)
-    cameras: dict[str, Any] = {}
+    views: dict[str, Any] = {}
     for k, view in enumerate(facts.views):
-        lens = _kalibr_lens(view)
+        lens = kalibr_lens(view.lens)
         if isinstance(lens, str):
-            return lens
-        cameras[f"cam{k}"] = {
-            "T_imu_cam": _imu_from_camera(facts.imu, view).tolist(),
-            "cam_overlaps": [1 - k] if count == 2 else [],
+            return f"it does not have {lens}"
+        views[f"cam{k}"] = _filled(
+            "open_vins_view",
+            facts,
+            pose=_inertial_from_view(facts.inertial, view).tolist(),
+            overlaps=[1 - k] if count == 2 else [],
+            resolution=[view.width, view.height],
+            topic=view.topic,
             **lens,
-            "resolution": [view.width, view.height],
-            "rostopic": view.topic,
-            "timeshift_cam_imu": 0.0,
-        }
+        )
     rate = min(21.0, facts.views[0].rate_hz + 1.0)
     contents = {
-        "estimator_config": _filled(
-            "open_vins_estimator", facts, is_pair=count == 2, count=count, gravity=GRAVITY, rate=rate
-        ),
-        "kalibr_imu_chain": _filled("open_vins_imu", facts),
-        "kalibr_imucam_chain": cameras,
+        "estimator": _filled("open_vins_estimator", facts, is_pair=count == 2, count=count, gravity=GRAVITY, rate=rate),
+        "inertial": _filled("open_vins_inertial", facts),
+        "views": views,
     }
-    texts = {name: _ITEM.sub(r"\1  - ", write_mapping(values)) for name, values in contents.items()}
-    return {f"open_vins/{name}.yaml": _YAML + text for name, text in texts.items()}
-
-
-def _kalibr_lens(view: ViewFacts) -> dict[str, Any] | str:
-    """Return the lens with Kalibr's keys, or that OpenVINS does not have it."""
-    k = view.coefficients
-    if view.model == "pinhole":
-        model, values = "radtan", [0.0] * 4
-    elif view.model == "plumb_bob" and k[4] == 0.0:
-        model, values = "radtan", [*k[:4]]
-    elif view.model == "equidistant":
-        model, values = "equidistant", [*k]
-    else:
-        return f"it does not have the lens {view.model}{' with k3' * (view.model == 'plumb_bob')}"
-    return {
-        "camera_model": "pinhole",
-        "distortion_model": model,
-        "distortion_coeffs": values,
-        "intrinsics": [*view.intrinsics],
-    }
+    texts = {_TEXTS["open_vins"][name]: write_mapping(values) for name, values in contents.items()}
+    return {f"open_vins/{name}": _YAML + _ITEM.sub(r"\1  - ", text) for name, text in texts.items()}
 
 
 def orb_slam3(facts: Facts) -> Files | str:
@@ -369,35 +343,28 @@ def orb_slam3(facts: Facts) -> Files | str:
     if not facts.views:
         return "no camera"
     left, right = facts.views[0], facts.views[-1]
-    if left.model not in _ORB_LENSES:
-        return f"it does not have the lens {left.model}"
-    values: dict[str, Any] = {"File.version": '"1.0"', "Camera.type": f'"{_ORB_LENSES[left.model]}"'}
+    if left.lens.model not in _ORB_LENSES:
+        return f"it does not have the lens {left.lens.model}"
+    values: dict[str, Any] = {"File.version": '"1.0"', "Camera.type": f'"{_ORB_LENSES[left.lens.model]}"'}
     for number, view in enumerate(facts.views, start=1):
-        values |= _orb_camera(f"Camera{number}", view)
+        values |= _orb_view(f"Camera{number}", view)
     values |= {"Camera.width": left.width, "Camera.height": left.height, "Camera.fps": max(round(left.rate_hz), 1)}
     values["Camera.RGB"] = 1
     if len(facts.views) == 2:
         left_from_right = transforms.inverse(left.base_from_optical) @ right.base_from_optical
         values |= {"Stereo.ThDepth": 60.0, "Stereo.T_c1_c2": _opencv_matrix(left_from_right)}
-    if facts.imu is not None:
-        noise = facts.imu.noise
-        values |= {
-            "IMU.T_b_c1": _opencv_matrix(_imu_from_camera(facts.imu, left)),
-            "IMU.NoiseGyro": noise.gyroscope,
-            "IMU.NoiseAcc": noise.accelerometer,
-            "IMU.GyroWalk": noise.gyroscope_walk,
-            "IMU.AccWalk": noise.accelerometer_walk,
-            "IMU.Frequency": float(facts.imu.rate_hz),
-        }
+    if facts.inertial is not None:
+        pose, rate = _opencv_matrix(_inertial_from_view(facts.inertial, left)), float(facts.inertial.rate_hz)
+        values |= _filled("orb_slam3_inertial", facts, pose=pose, rate=rate)
     lines = "".join(f"{key}: {value}\n" for key, value in (values | _filled("orb_slam3", facts)).items())
-    kind = ("Stereo" if len(facts.views) == 2 else "Monocular") + ("-Inertial" if facts.imu else "")
+    kind = _TEXTS["orb_kinds"][len(facts.views) - 1] + "-Inertial" * (facts.inertial is not None)
     return {"orb_slam3.yaml": f"{_YAML}# ORB-SLAM3, {kind}: it uses its names for topics, see README.txt\n{lines}"}
 
 
-def _orb_camera(name: str, view: ViewFacts) -> dict[str, Any]:
-    keys, figures = ["fx", "fy", "cx", "cy"], view.intrinsics + view.coefficients
-    values: dict[str, Any] = {}
-    if view.model == "equidistant":
+def _orb_view(name: str, view: ViewFacts) -> dict[str, Any]:
+    lens, values = view.lens, dict[str, Any]()
+    keys, figures = ["fx", "fy", "cx", "cy"], (lens.fx, lens.fy, lens.cx, lens.cy, *lens.coefficients)
+    if lens.model == "equidistant":
         keys += ["k1", "k2", "k3", "k4"]
         values = {f"{name}.overlappingBegin": 0, f"{name}.overlappingEnd": view.width}
     else:
@@ -410,8 +377,8 @@ def _opencv_matrix(matrix: Array) -> str:
     return f"!!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: f\n   data: {_numbers(matrix)}"
 
 
-def _imu_from_camera(imu: ImuFacts, view: ViewFacts) -> Array:
-    matrix = transforms.inverse(imu.base_from_imu) @ view.base_from_optical
+def _inertial_from_view(inertial: InertialFacts, view: ViewFacts) -> Array:
+    matrix = transforms.inverse(inertial.base_from_sensor) @ view.base_from_optical
     return np.asarray(np.round(matrix, 12) + 0.0)
 
 
@@ -426,7 +393,6 @@ PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "OpenVINS": open_vins,
     "ORB-SLAM3": orb_slam3,
 }
-_TEXTS: Final = package_data("fieldtruth.exporters", "slam_configs.yaml")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -460,26 +426,24 @@ def _write_truths(run: Run, facts: Facts, target: Path) -> str:
     if not run.has_poses:
         return ""
     mounts = {
-        "lidar": facts.lidar and facts.lidar.base_from_lidar,
-        "imu": facts.imu and facts.imu.base_from_imu,
-        "camera": facts.views[0].base_from_optical if facts.views else None,
+        "cloud": facts.cloud and facts.cloud.base_from_sensor,
+        "inertial": facts.inertial and facts.inertial.base_from_sensor,
+        "views": facts.views[0].base_from_optical if facts.views else None,
     }
-    names = []
-    for name, base_from_sensor in mounts.items():
-        if base_from_sensor is not None:
-            names.append(f"truth_{name}.tum")
-            (target / names[-1]).write_text(tum_text(run.trajectory, base_from_sensor), encoding="ascii")
+    names = [_TEXTS["truths"][what] for what, mount in mounts.items() if mount is not None]
+    for name, mount in zip(names, (each for each in mounts.values() if each is not None), strict=True):
+        (target / name).write_text(tum_text(run.trajectory, mount), encoding="ascii")
     return f"true poses of the sensors in the world, for evo: {', '.join(names)}\n"
 
 
 def _readme(run: Run, facts: Facts, made: Mapping[str, Files | str], left_out: str, truths: str) -> str:
     used = {
-        "LiDAR": facts.lidar and f"{facts.lidar.name}, {facts.lidar.topic}",
-        "IMU": facts.imu and f"{facts.imu.name}, {facts.imu.topic}",
-        "camera": ", ".join(view.name for view in facts.views),
-        "not used": ", ".join(facts.more),
+        "cloud": facts.cloud and f"{facts.cloud.name}, {facts.cloud.topic}",
+        "inertial": facts.inertial and f"{facts.inertial.name}, {facts.inertial.topic}",
+        "views": ", ".join(view.name for view in facts.views),
+        "more": ", ".join(facts.more),
     }
-    sensors = "".join(f"{what}: {value}\n" for what, value in used.items() if value)
+    sensors = "".join(f"{_TEXTS['used'][what]}: {value}\n" for what, value in used.items() if value)
     files = "".join(f"{name}: {', '.join(each)}\n" for name, each in made.items() if not isinstance(each, str))
     files += (f"left out: {left_out}\n" if left_out else "") + truths
     text: str = _TEXTS["readme"].format(run=run.name, sensors=sensors, files=files)
@@ -492,5 +456,5 @@ def _images(facts: Facts) -> str:
     lines = "".join(f"  rosrun image_transport republish compressed in:={t} raw out:={t}\n" for t in topics)
     names = ("/camera/left/image_raw", "/camera/right/image_raw") if len(topics) == 2 else ("/camera/image_raw",)
     remaps = [f"{name}:={topic}" for name, topic in zip(names, topics, strict=True)]
-    remaps += [f"/imu:={facts.imu.topic}"] if facts.imu else []
+    remaps += [f"/imu:={facts.inertial.topic}"] if facts.inertial else []
     return f"{_TEXTS['republish']}{_TEXTS['orb_topics']}".format(lines=lines, remaps=" ".join(remaps))

@@ -98,7 +98,6 @@ def _median(histogram: Counts) -> str:
 
 NEAREST: Final = 1.0
 """Depth [m] of the largest disparity that is searched."""
-_BLOCK: Final = 5  # [pixel]
 _UNIT: Final = 16.0
 """OpenCV's disparities are integers in sixteenths of a pixel."""
 _TEXTS: Final = package_data("fieldtruth.exporters", "stereo_depth.yaml")
@@ -147,22 +146,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def disparity(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int) -> NDArray[np.float32]:
-    """Match two grey photographs (h, w): the disparity (h, w) [pixel] of the left one's pixels; NaN without a match.
-
-    Penalties and filters are those of OpenCV's example stereo_match for its mode "sgbm".
-    """
-    matcher = cv2.StereoSGBM.create(
-        minDisparity=0,
-        numDisparities=disparities,
-        blockSize=_BLOCK,
-        P1=8 * _BLOCK**2,
-        P2=32 * _BLOCK**2,
-        disp12MaxDiff=1,
-        preFilterCap=63,
-        uniquenessRatio=10,
-        speckleWindowSize=100,
-        speckleRange=2,
-    )
+    """Match two grey photographs (h, w): the disparity (h, w) [pixel] of the left one's pixels; NaN without a match."""
+    matcher = cv2.StereoSGBM.create(numDisparities=disparities, **_TEXTS["matcher"])
     found = matcher.compute(left, right).astype(np.float32) / np.float32(_UNIT)
     return np.where(found > 0.0, found, np.float32(np.nan))
 

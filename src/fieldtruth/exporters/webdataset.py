@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as WebDataset: numbered tar files per split, which a network reads as a stream while it learns.
 
-The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each camera ``left.jpg`` (or
-``left.png``, as recorded), ``left.mask.png``, ``left.npz``, of each LiDAR ``cloud.npz`` or ``NAME.cloud.npz``, and
-``json``. Depth and instance ids are arrays in ``npz``, because the library's decoders convert every image to 8 bits.
-Sensors have different rates, so that some clouds, and images of a faster camera, are in no frame: files of their own
-have every cloud of a LiDAR, and every image of such a camera.
+The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each view ``left.jpg`` (or
+``left.png``, as recorded), ``left.mask.png``, ``left.npz``, of each sensor of clouds ``cloud.npz`` or
+``NAME.cloud.npz``, and ``json``. Depth and instance ids are arrays in ``npz``, because the library's decoders convert
+every image to 8 bits. Sensors have different rates, so that some clouds, and images of a faster camera, are in no
+frame: files of their own have every cloud of a sensor, and every image of such a camera.
 """
 
 import io
@@ -25,9 +25,10 @@ from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.readings import Cloud
+from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, SPLITS, Frames, Member, cameras_of, count_common, require_frames
+from fieldtruth.exporters.frames import PAPER, SPLITS, Frames, Member, count_common, require_frames, views_of
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology import LabelMap
 
@@ -51,10 +52,10 @@ class Sample(NamedTuple):
 
 
 class _Content(NamedTuple):
-    """Samples of one kind of a run: views and LiDARs whose readings they have."""
+    """Samples of a run: views and sensors of clouds whose readings they have."""
 
     views: list[Source]
-    lidars: list[Source]
+    clouds: list[Source]
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -86,26 +87,26 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _contents(run: Run) -> dict[str, _Content]:
-    """Contents of a run by name: frames of all cameras, of each with images in no such frame, and each LiDAR's clouds.
+    """Contents of a run by name: frames of all views, of a sensor's with images in no such frame, and clouds of each.
 
     Raises:
         BagError: it has nothing of these.
     """
     require_frames(run, clouds=True)
-    cameras, lidars = cameras_of(run), run.of(Cloud)
+    devices, clouds = views_of(run), run.of(Cloud)
     found: dict[str, _Content] = {}
-    if every := [view for views in cameras.values() for view in views]:
-        common = count_common(run, every) if len(cameras) > 1 else -1
+    if every := [view for views in devices.values() for view in views]:
+        common = count_common(run, every) if len(devices) > 1 else -1
         if common:
-            found["frames"] = _Content(every, lidars)
-        for name, views in cameras.items() if len(cameras) > 1 else ():
+            found["frames"] = _Content(every, clouds)
+        for name, views in devices.items() if len(devices) > 1 else ():
             if count_common(run, views) > common:
-                found[f"frames_{name}"] = _Content(views, lidars)
-    return found | {_name("clouds", lidar): _Content([], [lidar]) for lidar in lidars}
+                found[f"frames_{name}"] = _Content(views, clouds)
+    return found | {_name("clouds", each): _Content([], [each]) for each in clouds}
 
 
-def _name(what: str, lidar: Source) -> str:
-    return what if lidar.name == LIDAR else f"{what}_{lidar.name}"
+def _name(what: str, sensor: Source) -> str:
+    return what if sensor.name == PAPER else f"{what}_{sensor.name}"
 
 
 def _rank(content: str) -> tuple[bool, str]:
@@ -124,7 +125,7 @@ def _samples(member: Member, frames: Frames, content: str, options: Options) -> 
             if view.extras:
                 parts[f"{name}.npz"] = npz(view.extras)
         for name, cloud in (empty | frame.clouds).items():
-            parts["cloud.npz" if name == LIDAR else f"{name}.cloud.npz"] = npz(cloud)
+            parts["cloud.npz" if name == PAPER else f"{name}.cloud.npz"] = npz(cloud)
         about = {"run": member.name, "split": member.split} | frame.about
         parts["json"] = json.dumps(about, separators=(",", ":")).encode()
         return Sample(f"{member.name}_{frame.stamp_ns:019d}", dict(sorted(parts.items())))
@@ -171,9 +172,9 @@ def _run_row(member: Member, contents: Mapping[str, _Content]) -> dict[str, Any]
     row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
         row |= {"environment": made_by.environment, "seed": made_by.seed}
-    cameras = [view.label for views in cameras_of(member.run).values() for view in views]
+    labels = [view.label for views in views_of(member.run).values() for view in views]
     clouds = {} if any(name.startswith("clouds_") for name in contents) else {"clouds": 0}
-    return row | {"cameras": cameras, "frames": 0} | clouds
+    return row | {f"{ROLES[Image].key}s": labels, "frames": 0} | clouds
 
 
 def _text(labels: LabelMap, runs: list[dict[str, Any]], shards: list[dict[str, Any]]) -> str:

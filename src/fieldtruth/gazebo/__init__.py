@@ -51,8 +51,7 @@ def write_gazebo(
     """
     target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
     from fieldtruth.experiment.rig import Rig  # late: the command line checks its arguments first
-    from fieldtruth.gazebo.robot import write_robot
-    from fieldtruth.gazebo.robot.parts import check_rig
+    from fieldtruth.gazebo.robot import check_rig, write_robot
     from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds import write_world
 

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
 from fieldtruth.core.parallel import check_memory
+from fieldtruth.core.yaml_io import package_data
 from fieldtruth.world.model import World
 
 _BASE: Final = 300_000_000
@@ -37,15 +38,7 @@ class Format(NamedTuple):
     """True: it does without extensions of its file format, which not all tools know."""
 
 
-FORMATS: Final[dict[str, Format]] = {
-    "gltf": Format("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
-    "gltf-plain": Format("gltf", ".glb", "glTF 2.0 without extensions, a node per member of a swarm", plain=True),
-    "usd": Format(
-        "usd", "_usd", "USD with point instancers, classes as semantic labels", holds="world.usdc", extra="usd"
-    ),
-    "obj": Format("obj", "_obj", "Wavefront OBJ with materials, textures and a table of classes", holds="objects.json"),
-    "inventory": Format("inventory", "_inventory", "CSV and GeoPackage of every object", holds="inventory.csv"),
-}
+FORMATS: Final = {name: Format(**row) for name, row in package_data("fieldtruth.interchange", "formats.yaml").items()}
 
 
 def write_scene(

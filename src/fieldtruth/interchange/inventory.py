@@ -169,18 +169,8 @@ _APPLICATION_ID: Final = 0x47504B47  # "GPKG"
 _VERSION: Final = 10400
 _CHANGED: Final = "1980-01-01T00:00:00.000Z"
 _POINT: Final = struct.Struct("<2sBBiBIdd")
-_DEFINITION: Final = (
-    'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],'
-    'AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],'
-    'UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],AUTHORITY["EPSG","4326"]]'
-)
-_SYSTEMS: Final = (
-    ("Undefined Cartesian", -1, "NONE", -1, "undefined", "undefined Cartesian coordinates"),
-    ("Undefined geographic", 0, "NONE", 0, "undefined", "undefined geographic coordinates"),
-    ("WGS 84", WGS_84, "EPSG", WGS_84, _DEFINITION, "longitude and latitude [deg] on the WGS 84 ellipsoid"),
-)
 _TABLES: Final = package_data("fieldtruth.interchange", "inventory.yaml")
-"""Columns of both tables, and the tables of a GeoPackage in SQL."""
+"""Columns of both tables, and of a GeoPackage its reference systems and its tables in SQL."""
 
 
 class PointLayer(NamedTuple):
@@ -200,7 +190,7 @@ def write_points(path: Path, layers: Sequence[PointLayer]) -> None:
         database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {_VERSION}")
         database.executescript(_TABLES["tables"])
-        database.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS)
+        database.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _TABLES["systems"])
         for layer in layers:
             _write_layer(database, layer)
         database.commit()

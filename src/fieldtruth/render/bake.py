@@ -5,10 +5,10 @@
 Light is kept on disk, under a key that covers the scene, the sun, the processor, and the code that bakes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,11 @@ from fieldtruth.core.cache import cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
-from fieldtruth.kernels.light import Dome, LightTable, MaterialTable, Shading, SnowTable, SunMap
-from fieldtruth.kernels.packets import Grid
+from fieldtruth.kernels.light import LightTable, MaterialTable, Shading, SnowTable
 from fieldtruth.kernels.shading import WHITE
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
-from fieldtruth.render.atmosphere import LUMINANCE
-from fieldtruth.render.daylight import sun_direction
+from fieldtruth.render.daylight import LUMINANCE, sun_direction
 from fieldtruth.render.light import bake_light
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
@@ -39,7 +37,6 @@ _MEAN, _UPWARD, _LEVEL = np.array([0, 4, 8]), np.array([3, 7, 11]), np.array([12
 """Coefficients of a probe by channel, whose sum is what a level surface receives."""
 _NODES: Final = 1_000_000
 """Nodes of the ground at most that the exposure looks at."""
-_GRIDS: Final = ("ground_sun", "ground_near", "cloud_sun")
 _LIBRARIES: Final = ("embreex", "llvmlite", "numba", "numpy", "scipy")
 
 
@@ -139,8 +136,8 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
         (m.name, m is world.backdrop, m.vertices, m.normals, m.uv, m.faces, m.material, m.materials)
         for m in scene.meshes
     ]
-    names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.tops]
-    poses, tints = (np.array([getattr(top, n) for top in scene.tops]) for n in ("world_from_object", "tint"))
+    names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.top_levels]
+    poses, tints = (np.array([getattr(top, n) for top in scene.top_levels]) for n in ("world_from_object", "tint"))
     colours = (world.materials, world.textures, tints, world.terrain)
     inputs = (
         processor(),  # where it differs, the last digit of a photograph does
@@ -159,36 +156,30 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
 
 
 def _write(path: Path, table: LightTable) -> None:
-    arrays: dict[str, Any] = {name: value for name, value in table._asdict().items() if isinstance(value, np.ndarray)}
-    for name in _GRIDS:
-        grid: Grid = getattr(table, name)
-        arrays |= {name: grid.values, f"{name}_at": np.array([grid.x0, grid.y0, grid.per_metre])}
-    arrays["volume_at"] = np.array([*table.volume_corner, table.volume_per_metre])
-    arrays["has_cloud_shadow"] = np.array(table.has_cloud_shadow)
-    arrays |= {f"dome_{name}": value for name, value in table.dome._asdict().items()}
-    arrays |= {f"sun_map_{name}": np.asarray(value) for name, value in table.sun_map._asdict().items()}
-    arrays["dome_rgb"] = table.dome.rgb.astype(np.float16)  # daylight.py rounds it so
+    small = table._replace(dome=table.dome._replace(rgb=table.dome.rgb.astype(np.float16)))  # daylight.py rounds it so
     with path.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **arrays)
+        np.savez(stream, allow_pickle=False, **dict(_arrays(small, "light")))
 
 
 def _read(path: Path) -> LightTable:
     with np.load(path, allow_pickle=False) as stored:
-        arrays: dict[str, Any] = dict(stored)
-    grids: dict[str, Any] = {n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in _GRIDS}
-    arrays["dome_rgb"] = arrays["dome_rgb"].astype(np.float32)
-    sky = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
-    found = {n: arrays.pop(f"sun_map_{n}") for n in SunMap._fields}
-    corner = float(found["corner"][0]), float(found["corner"][1])
-    sun_map = SunMap(found["depth"], found["axes"], corner, float(found["per_metre"]))
-    x, y, per_metre = map(float, arrays.pop("volume_at"))
-    shaded = bool(arrays.pop("has_cloud_shadow"))
-    return LightTable(
-        dome=sky,
-        sun_map=sun_map,
-        has_cloud_shadow=shaded,
-        volume_corner=(x, y),
-        volume_per_metre=per_metre,
-        **grids,
-        **arrays,
-    )
+        table: LightTable = _table(LightTable, dict(stored), "light")
+    return table._replace(dome=table.dome._replace(rgb=table.dome.rgb.astype(np.float32)))
+
+
+def _arrays(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays and numbers of a table, and of the tables in it, by names such as ``light.dome.rgb``."""
+    if hasattr(value, "_asdict"):
+        for key, each in value._asdict().items():
+            yield from _arrays(each, f"{name}.{key}")
+    else:
+        yield name, np.asarray(value)
+
+
+def _table(kind: Any, arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
+    """Make a table of the arrays by the types of its fields."""
+    if hasattr(kind, "_fields"):
+        return kind(**{key: _table(each, arrays, f"{name}.{key}") for key, each in get_type_hints(kind).items()})
+    if get_origin(kind) is tuple:
+        return tuple(arrays[name].tolist())
+    return kind(arrays[name]) if kind in (float, bool) else arrays[name]

@@ -3,24 +3,282 @@
 """Daylight: the sun, the dome of the sky, and the clouds between them, from the words of an experiment's ``light``.
 
 The sky is an image of the dome: clear air, clouds, and how much of the sun's disc they let through.
+
+Clear air. Wavelengths, the sun's irradiance above the air, ozone, and their linear sRGB are tables. Scattering is
+integrated numerically along each ray through a spherical atmosphere of molecules, aerosol and ozone (Nishita et al.
+1993; Bruneton and Neyret 2008): the first order exactly, with the Earth's shadow, the higher orders with the isotropic
+approximation of Hillaire (2020), equations 5 to 10. Its lengths are in kilometres.
+
+Clouds have volume, or are thin layers. Density: an outline on a map, flat bases, and billows of cellular noise that
+grow with height (Schneider and Vos 2015). Light: one march along the ray, and the optical depth towards the sun from a
+grid that is summed once. Higher orders of scattering are octaves of weaker extinction and rounder phase functions
+(Wrenninge, Kulla and Lundqvist 2013). Their lengths are in metres.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter, zoom
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import Light
-from fieldtruth.kernels.atmosphere import ABOVE, BELOW, Clear
-from fieldtruth.kernels.clouds import MAP, MAP_TEXEL, CloudLight, Clouds, Layer, depth_at, shadows
+from fieldtruth.kernels.atmosphere import (
+    ABOVE,
+    AZIMUTHS,
+    BELOW,
+    COSINES,
+    EARTH,
+    ELEVATIONS,
+    HEIGHTS,
+    SUN_RADIUS,
+    Clear,
+    fill_columns,
+    fill_higher_orders,
+    risen,
+    scatter,
+)
+from fieldtruth.kernels.clouds import (
+    MAP,
+    MAP_TEXEL,
+    NOISE,
+    SHADE_TEXEL,
+    CloudLight,
+    Clouds,
+    Layer,
+    Shade,
+    depth_at,
+    fill_shade,
+    shadows,
+)
 from fieldtruth.kernels.light import DISC, Dome
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.sky import EDGE, add_air, clear_rows, cloud_rows, layer_rows, march_rows
-from fieldtruth.render.atmosphere import LUMINANCE, clear_sky
-from fieldtruth.render.clouds import SEEN, billows, cirrus, cumulus_map, passed_by, shade_of, thick_layer
+
+WAVELENGTHS: Final = np.arange(380.0, 741.0, 20.0)
+"""[nm], (19,): each stands for the 20 nm about it."""
+SOLAR: Final = np.array([
+    1.079, 1.583, 1.680, 1.868, 2.024, 1.962, 1.905, 1.865, 1.862, 1.838, 1.811, 1.746, 1.677, 1.594, 1.536, 1.477,
+    1.409, 1.341, 1.287,
+])  # fmt: skip
+"""Irradiance [W/m^2/nm] outside the air at the mean distance (reference spectrum of ASTM G173-03)."""
+OZONE: Final = 1e-25 * np.array([
+    0.0036, 0.0162, 0.0556, 0.158, 0.364, 0.736, 1.37, 2.16, 3.11, 4.18, 4.54, 4.76, 3.75, 2.69, 1.85, 1.21, 0.773,
+    0.523, 0.396,
+])  # fmt: skip
+"""Absorption cross-section [m^2] of an ozone molecule in the Chappuis band (Serdyuchenko et al. 2014)."""
+LUX_PER_UNIT: Final = 100_000.0
+"""Illuminance [lx] of an irradiance of 1: that of the sun high in a clear sky, about."""
+_LUMENS_PER_WATT: Final = 683.0
+_SRGB_FROM_XYZ: Final = np.array(
+    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+)
+"""IEC 61966-2-1, white point D65."""
+LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
+"""Luminance of linear sRGB."""
+
+
+def _matching() -> Array:
+    """CIE 1931 colour matching functions (19, 3), fits of Wyman, Sloan and Shirley (2013, Journal of CGT 2)."""
+    lobes = (
+        ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
+        ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
+        ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
+    )
+    columns = []
+    for function in lobes:
+        total = np.zeros(len(WAVELENGTHS))
+        for height, middle, below, above in function:
+            deviation = np.where(middle > WAVELENGTHS, below, above)
+            total += height * np.exp(-0.5 * ((WAVELENGTHS - middle) / deviation) ** 2)
+        columns.append(total)
+    return np.stack(columns, axis=-1)
+
+
+RGB_FROM_SPECTRUM: Final = _matching() @ _SRGB_FROM_XYZ.T * (20.0 * _LUMENS_PER_WATT / LUX_PER_UNIT)
+"""(19, 3): linear sRGB in units of LUX_PER_UNIT from [W/m^2/nm]."""
+ANGSTROM: Final = 1.3
+"""Exponent of wavelength with which the optical depth of aerosol falls (Angstrom 1929; continental air)."""
+OZONE_COLUMN: Final = 300.0
+"""[Dobson units]; one is 2.687e20 molecules per square metre."""
+
+
+@lru_cache(4)  # many worlds have the same sun
+def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
+    """Compute the clear sky.
+
+    Args:
+        elevation: of the sun's centre above the horizon [rad].
+        turbidity: optical depth of all air over that of its molecules, at 550 nm.
+        ceiling: height of clouds [km].
+    """
+    depths = optical_depths(turbidity)
+    higher = np.zeros((HEIGHTS, COSINES, len(WAVELENGTHS)))
+    fill_higher_orders(depths, sphere(64, 0.0), higher)
+    scattered = np.zeros((ELEVATIONS, AZIMUTHS, 2, 3, len(WAVELENGTHS)))
+    passed = np.zeros((ELEVATIONS, len(WAVELENGTHS)))
+    scatter(depths, higher, elevation, ceiling, scattered, passed)
+    suns = [transmittance(depths, height, elevation) * SOLAR @ RGB_FROM_SPECTRUM for height in (0.0, ceiling)]
+    weight = SOLAR[:, None] * RGB_FROM_SPECTRUM
+    share = passed @ weight / weight.sum(axis=0)
+    rgb = np.maximum(scattered * SOLAR @ RGB_FROM_SPECTRUM, 0.0)
+    return Clear(rgb, np.clip(share, 0.0, 1.0), np.maximum(suns[0], 0.0), np.maximum(suns[1], 0.0))
+
+
+def optical_depths(turbidity: float) -> Array:
+    """Vertical optical depth (3, 19) of molecules (Hansen and Travis 1974, equation 2.30), aerosol and ozone."""
+    micron = WAVELENGTHS / 1000.0
+    molecules = 0.008569 * micron**-4 * (1.0 + 0.0113 * micron**-2 + 0.00013 * micron**-4)
+    at_550 = 0.008569 * 0.55**-4 * (1.0 + 0.0113 * 0.55**-2 + 0.00013 * 0.55**-4)
+    aerosol = (turbidity - 1.0) * at_550 * (micron / 0.55) ** -ANGSTROM
+    return np.stack([molecules, aerosol, OZONE * OZONE_COLUMN * 2.687e20])
+
+
+def transmittance(depths: Array, height: float, elevation: float) -> Array:
+    """Share (19,) of the sun's light that arrives at ``height`` [km], with the part of its disc that has risen."""
+    column = np.zeros(3)
+    dip = -np.arccos(EARTH / (EARTH + height))
+    fill_columns(height, np.sin(max(elevation, dip + 0.5 * SUN_RADIUS)), column)
+    return np.asarray(np.exp(-column @ depths) * risen(height, np.sin(elevation)))
+
+
+def sphere(count: int, turn: float) -> Array:
+    """Directions (count, 3) spread evenly over the sphere (spherical Fibonacci), turned about z by ``turn`` [rad]."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, k * np.pi * (3.0 - np.sqrt(5.0)) + turn
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+
+
+SEEN: Final = 0.08
+"""Amount from which on there is cloud to see."""
+FULLEST: Final = 0.95
+"""Greatest share of the sky that heaps cover."""
+_AT_ONCE: Final = 60  # heaps between two measurements of the cover
+_FALL: Final = 1.3  # of the number of heaps larger than a radius
+
+
+def cumulus_map(rng: np.random.Generator, cover: float, thickness: float) -> Float32Array:
+    """Amounts (MAP, MAP) of heaps of every size, in groups.
+
+    The number of heaps larger than a radius falls with it to the power of -_FALL, as power laws describe fields of
+    cumulus (Benner and Curry 1998; the exponent is ours), and each rises about as high as its radius.
+
+    Args:
+        rng: source of positions and sizes.
+        cover: share of the area that is to be covered; above FULLEST it is FULLEST.
+        thickness: height [m] at which the amount is 1.
+    """
+    groups = ranks(band_noise(rng, 5000.0, rough=3.0)).ravel() ** 2
+    amount = np.zeros((MAP, MAP), np.float32)
+    smallest, largest = 60.0, thickness
+    low, high = smallest**-_FALL, largest**-_FALL
+    covered = 0.0
+    while covered < min(cover, FULLEST):
+        # Between clouds only, once half is covered: else the last gaps would take for ever to meet.
+        share = groups if covered < 0.5 else groups * (amount.ravel() <= SEEN)
+        nodes = rng.choice(MAP * MAP, _AT_ONCE, p=share / share.sum())
+        radii = (low + rng.random(_AT_ONCE) * (high - low)) ** (-1.0 / _FALL)
+        for node, radius in zip(nodes, radii, strict=True):
+            _heap(rng, amount, (node // MAP, node % MAP), float(radius), thickness)
+        covered = float((amount > SEEN).mean())
+    return amount
+
+
+def _heap(
+    rng: np.random.Generator, amount: Float32Array, node: tuple[int, int], radius: float, thickness: float
+) -> None:
+    """Raise the amount by a heap at a node of the map: a few domes, the smaller ones at its sides."""
+    lobes = 3 + int(radius / 90.0)
+    away, turn = radius * 0.75 * np.sqrt(rng.random(lobes)), rng.uniform(0.0, 2.0 * np.pi, lobes)
+    away[0] = 0.0
+    wide = radius * rng.uniform(0.3, 0.65, lobes) * (1.0 - 0.35 * away / radius)
+    reach = int(1.6 * radius / MAP_TEXEL) + 2
+    steps = np.arange(-reach, reach + 1)
+    x, y = np.meshgrid(steps * MAP_TEXEL, steps * MAP_TEXEL, indexing="ij")
+    raised = np.zeros(x.shape)
+    for r, a, w in zip(away, turn, wide, strict=True):
+        near = 1.0 - ((x - r * np.cos(a)) ** 2 + (y - r * np.sin(a)) ** 2) / (w * w)
+        raised = np.maximum(raised, 1.5 * w / thickness * np.sqrt(np.maximum(near, 0.0)))
+    rows, columns = np.ix_((node[0] + steps) % MAP, (node[1] + steps) % MAP)
+    amount[rows, columns] = np.maximum(amount[rows, columns], np.minimum(raised, 1.0))
+
+
+def band_noise(rng: np.random.Generator, size: float, stretch: float = 1.0, rough: float = 1.84) -> Array:
+    """Repeating noise (MAP, MAP) with features of ``size`` [m], ``stretch`` times longer along x, and finer ones.
+
+    Amplitudes fall with frequency to the power of ``rough``: 1 is rough, 3 smooth.
+    """
+    frequency = np.fft.fftfreq(MAP, MAP_TEXEL)
+    squared = (frequency[:, None] * stretch) ** 2 + frequency[None, :] ** 2
+    squared[0, 0] = np.inf
+    gain = np.exp(-0.25 / (squared * size * size)) * squared ** (-0.5 * rough)
+    return np.asarray(np.fft.ifft2(np.fft.fft2(rng.standard_normal((MAP, MAP))) * gain).real)
+
+
+def ranks(values: Array) -> Array:
+    """Replace values by their share of smaller ones: uniform in [0, 1)."""
+    order = np.argsort(values, axis=None, kind="stable")
+    result = np.empty(values.size)
+    result[order] = np.arange(values.size) / values.size
+    return result.reshape(values.shape)
+
+
+@cache
+def billows() -> Float32Array:
+    """Three octaves of cellular noise (Worley 1996) on a repeating cube, 1 at the cells' centres."""
+    nodes = np.arange(NOISE) / NOISE
+    points = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1)
+    total, rng = np.zeros((NOISE,) * 3), np.random.default_rng(3)
+    for octave, weight in enumerate((0.6, 0.28, 0.12)):
+        cells = 4 * 2**octave
+        corners = np.stack(np.meshgrid(*[np.arange(cells)] * 3, indexing="ij"), axis=-1)
+        centres = (corners + rng.random(corners.shape)).reshape(-1, 3) / cells % 1.0
+        total -= weight * cells * cKDTree(centres, boxsize=np.ones(3)).query(points)[0]
+    total -= total.min()
+    return np.asarray(total / total.max(), np.float32)
+
+
+def shade_of(clouds: Clouds, sun: Array, pool: ThreadPoolExecutor) -> Shade:
+    """Sum the depth towards the sun at the nodes of a grid."""
+    nodes, layers = int(MAP * MAP_TEXEL / SHADE_TEXEL), int(np.ceil(clouds.thickness / SHADE_TEXEL)) + 1
+    depth = np.zeros((nodes, nodes, layers), np.float32)
+    list(pool.map(lambda i: fill_shade(clouds, sun, i, depth[i]), range(nodes)))
+    return Shade(depth, sun)
+
+
+def cirrus(rng: np.random.Generator, cover: float, height: float) -> Layer:
+    """Fibres of ice, drawn out along the wind."""
+    bands, fibres, fine = (
+        band_noise(rng, *size) for size in ((2600.0, 2.0, 2.4), (420.0, 6.0, 1.4), (90.0, 14.0, 1.1))
+    )
+    streaks = np.exp(0.75 * fibres / fibres.std() + 0.45 * fine / fine.std())
+    veil = np.clip((ranks(bands + 0.35 * fibres * bands.std() / fibres.std()) - (1.0 - cover)) / 0.75, 0.0, 1.0)
+    depth = 0.32 * veil**1.6 * streaks
+    return Layer(depth.astype(np.float32), height, 0.22, _shift(rng), False, 0.0, 0.0)
+
+
+def thick_layer(rng: np.random.Generator, height: float, depth: float, size: float, structure: float) -> Layer:
+    """A layer of mean optical depth ``depth`` whose depth changes over ``size`` [m]."""
+    noise = band_noise(rng, size, 1.6)
+    varied = depth * np.exp(0.45 * noise / noise.std())
+    return Layer(varied.astype(np.float32), height, 1.0, _shift(rng), True, depth, structure)
+
+
+def _shift(rng: np.random.Generator) -> tuple[float, float]:
+    return float(rng.uniform(0.0, 5000.0)), float(rng.uniform(0.0, 5000.0))
+
+
+def passed_by(depth: float) -> float:
+    """Share of light that leaves a cloud of optical depth ``depth`` below: two streams, asymmetry 0.85.
+
+    Bohren, "Multiple scattering of light and some of its observable consequences" (1987), equation 13.
+    """
+    return 1.0 / (1.0 + 0.75 * (1.0 - 0.85) * depth)
+
 
 DOME_TEXELS: Final = 2048
 """Texels along each side of the dome that photographs show; below 500 the horizon would be outside of it."""

@@ -50,8 +50,7 @@ from fieldtruth.kernels.packets import Grid, new_packet
 from fieldtruth.kernels.shading import new_shading_buffers
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
-from fieldtruth.render.atmosphere import sphere
-from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sun_direction
+from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sphere, sun_direction
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
@@ -272,7 +271,7 @@ def _leaf_sun(scene: Scene, pool: ThreadPoolExecutor, sun: Array) -> tuple[NDArr
     few = _copies(scene)
     alike: dict[tuple[str, int], list[int]] = {}
     faces_of = {mesh.name: np.flatnonzero(_thin_faces(scene, mesh)) for mesh in scene.world.meshes.values()}
-    for mesh, pose, *_ in scene.tops:
+    for mesh, pose, *_ in scene.top_levels:
         if mesh is None or not len(faces_of.get(mesh.name, ())):
             top_leaf.append(NO_SHADOW if mesh is not None and mesh is scene.world.backdrop else -1)
             continue
@@ -304,7 +303,7 @@ def _quarter(pose: Array) -> int:
 
 def _copies(scene: Scene) -> int:
     """Number of copies of a mesh, turned alike, whose leaves have light of their own: all in worlds of usual size."""
-    copies = Counter(top.mesh.name for top in scene.tops if top.mesh is not None)
+    copies = Counter(top.mesh.name for top in scene.top_levels if top.mesh is not None)
     faces = {mesh.name: len(mesh.faces) for mesh in scene.meshes if _thin_faces(scene, mesh).any()}
     if sum(faces[name] * copies[name] for name in faces) <= _MOST_LEAVES:
         return max(copies.values(), default=1)
@@ -346,7 +345,7 @@ def make_sun_map(scene: Scene, sun: Array, pool: ThreadPoolExecutor) -> SunMap:
 def _corners(scene: Scene) -> Array:
     """Corners (8, 3) of a box around the world with its margin."""
     heights, highest = scene.world.terrain.surface.heights, []
-    for mesh, pose, *_ in scene.tops:
+    for mesh, pose, *_ in scene.top_levels:
         if mesh is not None and mesh is not scene.world.backdrop:
             highest.append(pose[2, 3] + np.abs(mesh.vertices @ pose[2, :3]).max())
     x, y = (side / 2.0 + MARGIN for side in scene.world.size)

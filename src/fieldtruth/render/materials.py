@@ -6,9 +6,9 @@
 - Relief: which texels of a ground texture face the sun, and which lie in the shadow of others. The sun stands still and
   ground textures are not turned, so that this is computed once per texture; mip maps average it with the colours, and
   the mean light is the same at every distance. Who looks along the sun's light sees lit sides, who looks against it
-  shadows; and tops hide dark gaps. Near the camera this comes from rays that are followed through the relief. Far away
-  their mean is used instead: factors on colour and on sunlight, fitted per material as polynomials of the view's
-  cotangent and the cosine of its azimuth to the sun.
+  shadows; and what is high hides dark gaps. Near the camera this comes from rays that are followed through the relief.
+  Far away their mean is used instead: factors on colour and on sunlight, fitted per material as polynomials of the
+  view's cotangent and the cosine of its azimuth to the sun.
 - Wet ground is darker, because a film of water reflects part of the light back onto the ground, which absorbs it
   (Angstrom, "The albedo of various surfaces of ground", 1925; Lekner and Dorf, Applied Optics 27, 1278, 1988).
 - The colour of the ground varies over decimetres to metres: drier and greener patches, dust, trodden lanes.

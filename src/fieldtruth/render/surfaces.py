@@ -24,14 +24,14 @@ def surface_table(scene: Scene, vertex_near: Float32Array) -> SurfaceTable:
         rows = np.array([materials[name] for name in mesh.materials], np.int32)[mesh.material]
         vertices.append(np.column_stack([mesh.normals, mesh.uv, vertex_near[start:end]]))
         faces.append(np.column_stack([mesh.faces + np.int32(start), rows]))
-    axes = np.array([top.world_from_object[:3, :3] for top in scene.tops])
+    axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels])
     return SurfaceTable(
         vertex=np.concatenate([*vertices, np.zeros((0, 6), np.float32)]).astype(np.float32),
         face=np.concatenate([*faces, np.zeros((0, 4), np.int32)]).astype(np.int32),
         face_repeat=np.concatenate([*(_metres_per_repeat(m) for m in meshes), np.zeros(0, np.float32)]),
         top_rotation=(axes / np.cbrt(np.linalg.det(axes))[:, None, None]).astype(np.float32),
-        top_tint=np.array([top.tint for top in scene.tops], np.float32),
-        top_base=np.array([top.world_from_object[2, 3] for top in scene.tops], np.float32),
+        top_tint=np.array([top.tint for top in scene.top_levels], np.float32),
+        top_base=np.array([top.world_from_object[2, 3] for top in scene.top_levels], np.float32),
     )
 
 
@@ -53,9 +53,9 @@ def snow_table(terrain: Terrain) -> SnowTable:
 def wire_table(scene: Scene, materials: MaterialTable) -> WireTable:
     """Wires of a scene in the world frame, as photographs draw them."""
     rows = {name: row for row, name in enumerate(scene.world.materials)}
-    radius = np.zeros(len(scene.tops), np.float32)
-    chains, tops, albedo = list[Array](), list[int](), list[Array]()
-    for top, (mesh, pose, _, tint) in enumerate(scene.tops):
+    radius = np.zeros(len(scene.top_levels), np.float32)
+    chains, own, albedo = list[Array](), list[int](), list[Array]()
+    for top, (mesh, pose, _, tint) in enumerate(scene.top_levels):
         if mesh is None or mesh.axis is None:
             continue
         scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
@@ -63,7 +63,7 @@ def wire_table(scene: Scene, materials: MaterialTable) -> WireTable:
         chains.append(mesh.axis[:, :3].astype(np.float64) @ pose[:3, :3].T + pose[:3, 3])
         material = rows[mesh.materials[0]]
         albedo.append(materials.atlas.mean[materials.texture[material]] * materials.tint[material] * np.array(tint))
-        tops.append(top)
+        own.append(top)
     tangents = [np.gradient(chain, axis=0) for chain in chains]
     middles = [(chain.min(axis=0) + chain.max(axis=0)) / 2 for chain in chains]
     balls = [[*m, np.linalg.norm(chain - m, axis=1).max()] for m, chain in zip(middles, chains, strict=True)]
@@ -73,7 +73,7 @@ def wire_table(scene: Scene, materials: MaterialTable) -> WireTable:
         tangent=np.concatenate([*(np.stack([t[:-1], t[1:]], axis=1) for t in tangents), np.zeros((0, 2, 3))]),
         first=np.cumsum([0, *(len(chain) - 1 for chain in chains)]).astype(np.int32),
         ball=np.array(balls).reshape(-1, 4),
-        top=np.array(tops, np.int32),
+        top=np.array(own, np.int32),
         albedo=np.array(albedo, np.float32).reshape(-1, 3),
         radius=radius,
     )

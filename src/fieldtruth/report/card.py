@@ -18,7 +18,7 @@ from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN
 from fieldtruth.core.lenses import FLAT
-from fieldtruth.core.readings import Cloud, Inertial, Odometry, Reading
+from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.config import Experiment
@@ -26,7 +26,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
-from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.world.model import World
 
 _TEMPLATES: Final = Environment(
@@ -80,15 +80,18 @@ def _list(words: Iterable[str]) -> str:
 
 
 def sensor_lines(rig: Rig) -> list[str]:
-    """Figures of the sensors that see, of others where there are several of a kind, and what is not ideal."""
-    seen = [_figures(each, rig) for config in (ImagingConfig, ScanningConfig) for each in rig.enabled(config)]
-    lines = seen or ["- Neither cameras nor LiDAR were enabled."]
+    """Figures of the sensors that see, cameras first, of others where several are alike, and what is not ideal."""
+    seen = sorted(
+        (each for each in rig.enabled(SensorConfig) if each.sees), key=lambda each: not issubclass(each.gives, Image)
+    )
+    lines = [_figures(each, rig) for each in seen] or ["- No sensor that sees was enabled."]
     lines += [_figures(each, rig) for each in rig.in_order() if not each.sees and len(_alike(each, rig)) > 1]
     return lines + [_real(sensor) for sensor in rig.in_order() if not sensor.is_ideal]
 
 
 def _figures(sensor: SensorConfig, rig: Rig) -> str:
-    return f"- {_named(sensor, rig)}: {sensor.summary()}"
+    words = sensor.summary() or sensor.figures()
+    return f"- {_named(sensor, rig)}" + f": {words}" * (words != "-")
 
 
 def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
@@ -97,7 +100,7 @@ def _alike(sensor: SensorConfig, rig: Rig) -> list[SensorConfig]:
 
 
 def _real(sensor: SensorConfig) -> str:
-    """What makes a sensor other than ideal."""
+    """Name the errors and the clock of a sensor that is not ideal."""
     what = ["errors of a real sensor (`signal` in experiment.yaml)"] * (sensor.signal is not None)
     if (clock := sensor.clock) is not None:
         what.append(
@@ -120,8 +123,8 @@ def note_lines(rig: Rig, reading: type[Reading]) -> list[str]:
 
 
 def cloud_frames(rig: Rig) -> str:
-    """Sentence about the frames of the clouds; empty for a rig without LiDAR."""
-    frames = [f"`{sensor.frame}`" for sensor in rig.sensors if isinstance(sensor, ScanningConfig)]
+    """Sentence about the frames of the clouds; empty for a rig without any."""
+    frames = [f"`{each.outputs()[0].frame}`" for each in rig.sensors if issubclass(each.gives, Cloud)]
     if not frames:
         return ""
     return f"{', '.join(frames)}: frame{'s' * (len(frames) > 1)} of the points, x forward, y left, z up. "
@@ -134,8 +137,8 @@ def ray_depths(rig: Rig) -> str:
 
 
 def frame_content(rig: Rig) -> str:
-    """What one separate frame consists of."""
-    views, scanners = rig.imagers, rig.enabled(ScanningConfig)
+    """Name the readings of one separate frame."""
+    views, scanners = rig.imagers, rig.giving(Cloud)
     is_pair = len(rig.enabled(ImagingConfig)) == 1 and len(views) == 2
     images = "a stereo pair" if is_pair else f"{len(views)} images" if len(views) > 1 else "an image"
     clouds = f"{len(scanners)} clouds" if len(scanners) > 1 else "a cloud"
@@ -143,8 +146,7 @@ def frame_content(rig: Rig) -> str:
 
 
 def _named(sensor: SensorConfig, rig: Rig) -> str:
-    noun = sensor.noun or sensor.kind
-    words = f"{noun[:1].upper()}{noun[1:]}"
+    words = f"{sensor.noun[:1].upper()}{sensor.noun[1:]}"
     if sensor.gives is Cloud and sensor.model:
         words = f"{words} {sensor.model}"
     return f"{words} `{sensor.name}`" if len(_alike(sensor, rig)) > 1 else words

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Class shares of pixels and points along the path of an experiment (paper, Figure 21).
 
-There is a viewpoint every 2 m of the expected path, which is every 6.7 s at the paper's speed. Each has one scan of
-every LiDAR and one label image of every camera; of a stereo pair the left one, because the right one sees nearly the
-same.
+There is a viewpoint every 2 m of the expected path, which is every 6.7 s at the paper's speed. Each has one reading of
+every sensor that gives clouds or images; of a stereo pair the left one, because the right one sees nearly the same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,15 +17,13 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Rig, visible_parts
-from fieldtruth.experiment.sensor_families import ImagingConfig
-from fieldtruth.sense.robot import part_table, robot_view
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import IdealLidar
+from fieldtruth.sensors.kind import At, SensorWorld, standing
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.world.build import world_of
 
 SPACING: Final = 2.0  # [m]
@@ -92,31 +89,27 @@ def shares_of(
 
 
 def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
-    """Count the classes that cameras and LiDARs see from poses world_from_base (4, 4), one row per pose.
+    """Count the classes that the sensors of a rig see from poses world_from_base (4, 4), one row per pose.
 
-    Sensors that are not enabled count, too. Of a stereo pair only the left view counts.
+    Sensors that are not enabled count, too, and all as ideal ones. Of a stereo pair only the left view counts.
     """
-    views = [sensor.imagers()[0] for sensor in rig.sensors if isinstance(sensor, ImagingConfig)]
-    parts = visible_parts(rig)
-    robot = {view.name: robot_view(part_table(parts), view) if parts else None for view in views}
-    heads = [sensor for sensor in rig.sensors if isinstance(sensor, LidarConfig)]
-    pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
+    rig = rig.with_each(lambda each: {"enabled": True, "signal": None, "clock": None})
+    counts = {reading: np.zeros((len(poses), len(CLASSES)), np.int64) for reading in (Image, Cloud)}
+    sensor_world = SensorWorld(scene.world, rig, scene=scene, reuse=True)
 
     def count(rows: range) -> None:
-        for view in views:
-            camera = LabelCamera(view.config, scene, reuse=True)
+        for sensor in new_sensors(sensor_world).values():
+            output = sensor.config.outputs()[0]
+            found = next((counts[reading] for reading in counts if issubclass(sensor.config.gives, reading)), None)
+            if found is None:
+                continue
             for row in rows:
-                image = camera.label(poses[row] @ view.base_from_optical, robot[view.name])
-                pixels[row] += np.bincount(image.label.ravel(), minlength=len(CLASSES))
-        for head in heads:
-            lidar = IdealLidar(head, scene, parts)
-            for row in rows:
-                scan = lidar.scan(poses[row] @ head.mount.base_from_sensor)
-                points[row] += np.bincount(scan.label, minlength=len(CLASSES))
+                labels = sensor.labels(output, At(row, 0, 0, standing(poses[row])))
+                found[row] += np.bincount(labels.ravel(), minlength=len(CLASSES))
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(count, [range(first, len(poses), workers) for first in range(workers)]))
-    return ClassShares(pixels=pixels, points=points)
+    return ClassShares(pixels=counts[Image], points=counts[Cloud])
 
 
 def shares_table(shares: Mapping[str, ClassShares]) -> str:

@@ -8,7 +8,7 @@ data in memory, and a tag image takes a megabyte.
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -23,12 +23,11 @@ from fieldtruth.bag.geometry import Lens
 from fieldtruth.bag.messages import WHEEL_FRAMES
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors, output_path
 from fieldtruth.core.progress import Progress, Silent, counted
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, WheelSpeeds
 from fieldtruth.report.drawing.images import flow_colours, normal_colours
 
 RATE: Final = 5.0  # [Hz]
@@ -109,17 +108,14 @@ class _Log:
             for part, send in (images | {"flow": self._flow}).items():
                 if view.has(run.counts, part):
                     yield run.readings(view.name, [part]), send
-        for lidar in run.of(Cloud):
-            yield run[lidar.name], self._points
-        measured: list[tuple[type[Reading], str, Callable[[str, Any], None]]]
-        measured = [(Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)]
-        for kind, entity, log in measured:
-            sensors = run.of(kind, recorded=False)
-            for sensor, name in zip(sensors, _entity_names(entity, sensors), strict=True):
-                if sensor.has(run.counts):
-                    yield run[sensor.name], partial(log, name)
-        for wheels in run.of(WheelSpeeds):
-            yield run[wheels.name], self._wheels
+        for source in run.of(Cloud):
+            yield run[source.name], self._points
+        for source in run.of(Inertial):
+            yield run[source.name], partial(self._inertial, source.name)
+        for source in run.of(Fix):
+            yield run[source.name], partial(self._fix, source.name)
+        for source in run.of(WheelSpeeds):
+            yield run[source.name], self._wheels
 
     def _set_time(self, stamp_ns: int) -> None:
         if stamp_ns < _EPOCH_NS:
@@ -177,13 +173,13 @@ class _Log:
     def _flow(self, image: Any) -> None:
         self.recording.log(f"flow/{image.frame}", self.rr.Image(flow_colours(image.flow)))
 
-    def _imu(self, name: str, reading: Inertial) -> None:
+    def _inertial(self, name: str, reading: Inertial) -> None:
         for what in ("angular_velocity", "linear_acceleration"):
             for axis, value in zip("xyz", getattr(reading, what), strict=True):
                 self._scalar(f"{name}/{what}/{axis}", value)
 
-    def _navsat(self, name: str, fix: Fix) -> None:
-        self.recording.log(name, self.rr.GeoPoints(lat_lon=fix.geodetic[:2].tolist()))
+    def _fix(self, name: str, fix: Fix) -> None:
+        self.recording.log(f"fixes/{name}", self.rr.GeoPoints(lat_lon=fix.geodetic[:2].tolist()))
 
     def _wheels(self, wheels: WheelSpeeds) -> None:
         for name, value in zip(wheels.names, wheels.speed, strict=True):
@@ -215,11 +211,6 @@ def _shown(readings: Readings) -> Iterator[tuple[int, int]]:
             yield row, stamp
 
 
-def _entity_names(kind: str, sensors: Sequence[Source]) -> list[str]:
-    """Entities of the sensors of a kind: its name if there is one, else a branch for each."""
-    return [kind] if len(sensors) == 1 else [f"{kind}/{sensor.name}" for sensor in sensors]
-
-
 def _blueprint(run: Run) -> Any:
     import rerun.blueprint as rrb
 
@@ -231,10 +222,11 @@ def _blueprint(run: Run) -> Any:
         if view.has(run.counts, "photo") or view.has(run.counts, "label")
     ]
     views = [("speed", "speed [m/s]")]
-    for imu in _entity_names("imu", run.of(Inertial, recorded=False)):
-        of = f" of {imu.removeprefix('imu/')}" if "/" in imu else ""
-        views.append((f"{imu}/angular_velocity", f"angular velocity{of} [rad/s]"))
-        views.append((f"{imu}/linear_acceleration", f"acceleration{of} [m/s²]"))
+    inertial = [source.name for source in run.of(Inertial, recorded=False)]
+    for name in inertial:
+        of = f" of {name}" * (len(inertial) > 1)
+        views.append((f"{name}/angular_velocity", f"angular velocity{of} [rad/s]"))
+        views.append((f"{name}/linear_acceleration", f"acceleration{of} [m/s²]"))
     views.append(("wheels", "wheels [rad/s]"))
     curves = [rrb.TimeSeriesView(origin=f"curves/{origin}", name=name) for origin, name in views]
     shown = [rrb.Grid(*images)] if len(images) > 2 else images

@@ -44,7 +44,7 @@ class TopLevel(NamedTuple):
 class Scene:
     """A world in the ray tracer. Threads may share it: it does not change after construction.
 
-    ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``tops``
+    ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``top_levels``
     that a geometry belongs to, and class and instance id of a hit.
     """
 
@@ -52,12 +52,12 @@ class Scene:
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
-        self.tops = list(_top_levels(world))
+        self.top_levels = list(_top_levels(world))
         self.rays = RayScene(self.engine)
         parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
         masks = {mesh.name: _mask(world, mesh) for mesh in self.meshes}
         geometry_top = []
-        for row, (mesh, pose, *_) in enumerate(self.tops):
+        for row, (mesh, pose, *_) in enumerate(self.top_levels):
             if mesh is None:
                 if world.terrain.visible:
                     self.rays.add_grid(terrain_nodes(world.terrain.surface))
@@ -67,7 +67,7 @@ class Scene:
                 self.rays.add_instance(part, pose, mask=masks[mesh.name])
                 geometry_top.append(row)
         self.rays.commit()
-        self.hits = _hit_table(world, self.meshes, self.tops, geometry_top)
+        self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -150,7 +150,7 @@ class Scene:
 
     @cached_property
     def _cast_table(self) -> CastTable:
-        return _make_cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops], self.hits)
+        return _make_cast_table(self.world, self.meshes, [top.world_from_object for top in self.top_levels], self.hits)
 
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
@@ -216,15 +216,15 @@ def _area(size: Array) -> Array:
     return np.asarray((size * np.roll(size, 1, axis=1)).sum(axis=1))
 
 
-def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel], geometry_top: list[int]) -> HitTable:
+def _hit_table(world: World, meshes: list[Mesh], top_levels: list[TopLevel], geometry_top: list[int]) -> HitTable:
     """Concatenate classes and instance ids into tables that kernels index."""
     labels = {name: int(material.label) for name, material in world.materials.items()}
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
     face_labels = [np.array([labels[n] for n in m.materials], np.uint8)[m.material] for m in meshes]
     return HitTable(
         geometry_top=np.array(geometry_top, np.int32),
-        top_object=np.array([top.object_id for top in tops], np.uint32),
-        top_mesh=np.array([-1 if top.mesh is None else rows[top.mesh.name] for top in tops], np.int32),
+        top_object=np.array([top.object_id for top in top_levels], np.uint32),
+        top_mesh=np.array([-1 if top.mesh is None else rows[top.mesh.name] for top in top_levels], np.int32),
         mesh_face=np.cumsum([0, *(len(m.faces) for m in meshes)])[:-1].astype(np.int64),
         face_label=np.concatenate([*face_labels, np.zeros(0, np.uint8)]),
         trail_distance=grid_of(world.terrain.trail_distance),
@@ -254,13 +254,13 @@ def _make_cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.fl
     terrain = world.terrain
     names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
     cover = np.ascontiguousarray(terrain.cover.values, np.float32)
-    tops = aligned(16 * len(poses)).reshape(-1, 16)
-    tops[:, :9] = np.array([pose[:3, :3].ravel() for pose in poses])
-    words = tops.view(np.uint32)
+    rotations = aligned(16 * len(poses)).reshape(-1, 16)
+    rotations[:, :9] = np.array([pose[:3, :3].ravel() for pose in poses])
+    words = rotations.view(np.uint32)
     words[:, OBJECT] = hits.top_object
     words[:, FIRST] = np.array([*hits.mesh_face, 0])[hits.top_mesh]  # the terrain's row is -1
     return CastTable(
-        tops=tops,
+        tops=rotations,
         words=words,
         face_material=np.concatenate([*faces, np.zeros(1, np.int16)]),
         label=np.array([int(material.label) for material in world.materials.values()], np.uint8),

@@ -8,13 +8,14 @@ real sensor makes of it, and the messages. A kind is known once the module with 
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
@@ -83,7 +84,7 @@ class SensorWorld(_Shared):
 
     @property
     def wide_ids(self) -> bool:
-        """Whether instance ids need more than 16 bits."""
+        """Return whether instance ids need more than 16 bits."""
         return self.world.has_wide_ids
 
     @property
@@ -123,7 +124,7 @@ class Movement(_Shared):
 
     @property
     def stands(self) -> bool:
-        """Whether each pose is one by itself, at which the robot stands."""
+        """Return whether each pose is one by itself, at which the robot stands."""
         return self._track is not None and self._track.is_frames
 
 
@@ -138,8 +139,13 @@ def movement_of(track: Track) -> Movement:
     return Movement(pose, track)
 
 
+def standing(world_from_base: Array) -> Movement:
+    """Return the motion of a robot that stands at a pose (4, 4)."""
+    return Movement(lambda stamp_ns: np.tile(world_from_base, (*np.shape(stamp_ns), 1, 1)))
+
+
 class At(NamedTuple):
-    """When a reading is taken, and where."""
+    """Stamps of a reading, and the motion around it."""
 
     number: Any
     """Of the reading, from 0: int, or (n,) of a series, as its stamps."""
@@ -155,6 +161,17 @@ class At(NamedTuple):
     def stamps(self) -> dict[str, Any]:
         """Stamps of the reading, as ``core.readings`` names them."""
         return {"stamp_ns": self.stamp_ns, "header_ns": self.header_ns}
+
+
+class Rays(NamedTuple):
+    """Rays of a reading, and what traces them, for a comparison with the bare ray tracer."""
+
+    directions: Float32Array
+    """(h, w, 3) unit vectors in the frame of the reading."""
+    far: float
+    """Their length [m]."""
+    tasks: Sequence[Mapping[str, Callable[[Array], object]]]
+    """Called with a pose (4, 4) of that frame, by name; those of one mapping at each pose one after another."""
 
 
 class Sensor(ABC):
@@ -189,6 +206,15 @@ class Sensor(ABC):
     @abstractmethod
     def messages(self, output: Output, number: Any, reading: Any) -> Iterable[bytes]:
         """Serialise a reading: a message for each topic of the output."""
+
+    def labels(self, output: Output, at: At) -> NDArray[np.uint8]:
+        """Return the class ids of a reading without a signal: of the points (n,), or the pixels (h, w)."""
+        labels: NDArray[np.uint8] = self.truth(output, at).label
+        return labels
+
+    def rays(self) -> Rays | None:
+        """Return the rays of the first reading at a stamp; None if their number depends on what is there."""
+        return None
 
     def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:
         """State in what the decoded messages of a bag differ from a reading that was made again; empty: in nothing.

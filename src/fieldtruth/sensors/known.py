@@ -4,8 +4,16 @@
 
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.lenses import Lens
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.sensors.camera.sensor import CameraSensor
 from fieldtruth.sensors.gnss.sensor import Gnss
 from fieldtruth.sensors.imu.sensor import Imu
@@ -15,6 +23,18 @@ from fieldtruth.sensors.wheel_odometry.sensor import Wheels
 
 OWN: Final = (Imu, Gnss, Wheels, LidarSensor, CameraSensor)
 """Kinds of the package."""
+
+
+def photograph(
+    baked: BakedScene, world_from_optical: Array, exposure: float, **lens: float
+) -> tuple[NDArray[np.uint8], Lens]:
+    """Render a photograph (h, w, 3) with an ideal pinhole, of which ``lens`` has size and fields of view; and its lens.
+
+    ``exposure`` is relative to that of an open meadow.
+    """
+    config = CameraConfig.model_validate(lens)
+    photo = IdealCamera(config, baked, exposure=exposure).render(world_from_optical).photo
+    return photo, config.projection
 
 
 def sensor_class(config: SensorConfig) -> type[Sensor]:

@@ -46,10 +46,18 @@ _SIDES: Final = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6)
 _processes: Final[list[subprocess.Popen[bytes]]] = []
 
 
+_LARGE: Final[tuple[Callable[..., Any], ...]] = (gather_probes, render_linear)
+"""Kernels that take longest to compile."""
+
+
+def lacks_kernels(experiment: Experiment) -> bool:
+    """Return whether the largest kernels that an experiment needs were never compiled."""
+    return bool(experiment.rig.imagers) and not all(map(is_saved, _LARGE))
+
+
 def compile_beside(experiment: Experiment) -> None:
     """Begin to compile in a second process, unless it has begun, all is compiled, or it would be of no use."""
-    large: tuple[Callable[..., Any], ...] = (gather_probes, render_linear)
-    if not experiment.rig.imagers or all(map(is_saved, large)) or not all(map(can_save, large)):
+    if not lacks_kernels(experiment) or not all(map(can_save, _LARGE)):
         return
     if _running() is not None or cpu_count() == 1 or not sys.executable:
         return

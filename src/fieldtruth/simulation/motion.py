@@ -311,7 +311,7 @@ class GrowingMotion(ABC):
 
     @property
     def ended(self) -> bool:
-        """Whether the end is reached."""
+        """Return whether the end is reached."""
         return self.reached_ns >= self.end_ns
 
     @property

@@ -111,7 +111,7 @@ class Driven:
     scene: Scene | None = field(default=None, kw_only=True)
     """The world in the ray tracer, if it was built."""
     reuse: bool = field(default=False, kw_only=True)
-    """Whether the arrays of a reading may be overwritten by the next one."""
+    """True if the arrays of a reading may be overwritten by the next one."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
@@ -220,7 +220,7 @@ class Simulation:
 
     @property
     def done(self) -> bool:
-        """Whether the drive has ended.
+        """Return whether the drive has ended.
 
         It ends half a second after the fix that reaches the last waypoint, after ``experiment.seconds``, or with a
         ``DriveError``.

@@ -21,7 +21,7 @@ from fieldtruth.core.parallel import check_memory
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.environments import ENVIRONMENTS
-from fieldtruth.world.environments.layout import GroundConfig
+from fieldtruth.world.environments.layout import PLANTINGS, GroundConfig
 from fieldtruth.world.grids import Line
 from fieldtruth.world.library import data_files
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
@@ -113,9 +113,13 @@ def layout_model(environment: str) -> type[Frozen]:
 def reserved_corridors(environment: str) -> list[Line]:
     """Centre lines of the corridors that stay free of obstacles, whatever experiments exist."""
     config = _module(environment, "config")
-    if not hasattr(config, "CORRIDORS"):  # packages made for earlier versions have a module of their own for them
-        config = _module(environment, "corridors")
-    return [Line.through(corners, smooth=False) for corners in config.CORRIDORS]
+    if hasattr(config, "CORRIDORS"):
+        corridors = config.CORRIDORS
+    elif environment in PLANTINGS:
+        corridors = PLANTINGS[environment].corridors
+    else:  # packages made for earlier versions have a module of their own for them
+        corridors = _module(environment, "corridors").CORRIDORS
+    return [Line.through(corners, smooth=False) for corners in corridors]
 
 
 def load_world(

@@ -152,6 +152,10 @@ class Section(Mapping[str, T]):
         self._first = first
         _SECTIONS[name] = self
 
+    def entry(self, name: str) -> Entry:
+        """Return an entry as the file has it."""
+        return _section(self._name)[name][1]
+
     def __getitem__(self, name: str) -> T:
         path, entry = _section(self._name)[name]
         return self._read(name, entry, f"{path}: {self._name}.{name}")

@@ -78,31 +78,23 @@ class Catenary:
         return np.column_stack([flat, self.height_at(along)])
 
 
-def hang(start: ArrayLike, end: ArrayLike, *, sag: float | None = None, length: float | None = None) -> Catenary:
-    """Hang a wire between two points (3,) [m], by its sag [m] in the middle of the span or by its length [m].
+def hang(start: ArrayLike, end: ArrayLike, *, sag: float) -> Catenary:
+    """Hang a wire between two points (3,) [m], by its sag [m] in the middle of the span.
 
-    Raises ValueError unless exactly one of the two is given, the sag is positive, the wire is longer than the straight
-    line, and the points have a horizontal distance.
+    Raises ValueError unless the sag is positive and the points have a horizontal distance.
     """
     first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
     span, rise = float(np.hypot(*(last - first)[:2])), float(last[2] - first[2])
     if span <= 0:
         raise ValueError(f"the horizontal distance of the ends must be above 0 m, got {span}")
-    if (sag is None) == (length is None):
-        raise ValueError(f"exactly one of sag and length must be given, got sag={sag} and length={length}")
 
-    # With t = span / (2 a), sum and difference of the ends' heights give the lowest point and these two functions.
+    # With t = span / (2 a), sum and difference of the ends' heights give the lowest point and the sag.
     def sag_of(t: float) -> float:
         return float(span / (2 * t) * np.hypot(1.0, rise * t / (span * np.sinh(t))) * 2 * np.sinh(t / 2) ** 2)
 
-    def length_of(t: float) -> float:
-        return float(np.hypot(rise, span * np.sinh(t) / t))
-
-    key, function, wanted = ("sag", sag_of, sag) if sag is not None else ("length", length_of, length)
-    assert wanted is not None
-    if not function(1e-5) < wanted < function(_STEEPEST):
-        raise ValueError(f"{key} must be above {function(1e-5):.6g} m, got {wanted}")
-    t = float(brentq(lambda t: function(t) - wanted, 1e-5, _STEEPEST, xtol=1e-15, rtol=1e-14))
+    if not sag_of(1e-5) < sag < sag_of(_STEEPEST):
+        raise ValueError(f"sag must be above {sag_of(1e-5):.6g} m, got {sag}")
+    t = float(brentq(lambda t: sag_of(t) - sag, 1e-5, _STEEPEST, xtol=1e-15, rtol=1e-14))
     a = span / (2 * t)
     lowest = span / 2 - a * float(np.arcsinh(rise / (2 * a * np.sinh(t))))
     return Catenary(first, last, a, lowest, float(first[2] - a * np.cosh(lowest / a)))

@@ -55,7 +55,7 @@ def flow_colours(flow: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def is_jpeg(path: Path) -> bool:
-    """Whether the path has the ending of a JPEG."""
+    """Return True if the path has the ending of a JPEG."""
     return path.suffix.lower() in IMAGE_ENDINGS[1:]
 
 

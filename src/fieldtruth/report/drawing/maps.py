@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.kernels.camera_rays import Pinhole
+from fieldtruth.core.lenses import Lens
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
-from fieldtruth.sense.lens import pinhole
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.known import photograph
 from fieldtruth.world.model import Heightfield
 
 HEIGHT: Final = 300.0
@@ -37,7 +34,7 @@ class Aerial:
 
     photo: NDArray[np.uint8]
     world_from_optical: Array
-    lens: Pinhole
+    lens: Lens
     field: Heightfield
 
     def pixels(self, points_world: ArrayLike) -> Array:
@@ -56,16 +53,20 @@ def render_aerial(baked: BakedScene, width: int) -> Aerial:
     length, breadth = (side / 2 + MARGIN for side in baked.scene.world.size)
     wide = 8 * max(1, round(width * _SAMPLES / 8))
     high = 8 * max(1, round(wide * breadth / length / 8))
-    config = CameraConfig(
+    world_from_optical = transforms.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
+    photo, lens = photograph(
+        baked,
+        world_from_optical,
+        1.0,
         width=wide,
         height=high,
         horizontal_fov_deg=2.0 * float(np.degrees(np.arctan2(length, HEIGHT))),
         vertical_fov_deg=2.0 * float(np.degrees(np.arctan2(breadth, HEIGHT))),
         far=10.0 * HEIGHT,
     )
-    world_from_optical = transforms.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
-    photo = _stretched(downscaled(IdealCamera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
-    lens = pinhole(config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]}))
+    photo = _stretched(downscaled(photo, _SAMPLES))
+    half = {name: getattr(lens, name) / _SAMPLES for name in ("fx", "fy")}
+    lens = lens._replace(**half, cx=(photo.shape[1] - 1) / 2.0, cy=(photo.shape[0] - 1) / 2.0)
     return Aerial(photo=photo, world_from_optical=world_from_optical, lens=lens, field=field)
 
 
@@ -91,9 +92,9 @@ def sector(viewpoint: Array, radius: float, fov: float) -> Array:
     return np.vstack([xy, arc(xy, radius, heading - fov / 2, heading + fov / 2)])
 
 
-def heading_of(imager: Imager) -> float:
-    """Angle [rad] about z from the robot's x axis to the direction in which a camera looks."""
-    x, y, _ = imager.base_from_optical[:3, 2]
+def heading_of(base_from_optical: Array) -> float:
+    """Angle [rad] about z from the robot's x axis to the direction in which an optical frame (4, 4) looks."""
+    x, y, _ = base_from_optical[:3, 2]
     return float(np.arctan2(y, x))
 
 

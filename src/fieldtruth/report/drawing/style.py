@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours and typeface of sheets, pages and workbooks, and numbers and names as text for readers."""
 
+from collections import Counter
+from collections.abc import Iterable
 from typing import Final
 
 from fieldtruth.core.classes import CLASSES
+from fieldtruth.experiment.sensor_config import SensorConfig
 
 INK: Final = "#1d2733"
 MUTED: Final = "#697586"
@@ -33,6 +36,12 @@ def shortened(name: str) -> str:
     """Cut a name from a bag to ``LETTERS`` and replace letters that are not printable."""
     name = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[: LETTERS + 1])
     return name if len(name) <= LETTERS else name[: LETTERS - 1] + "…"
+
+
+def sensor_nouns(sensors: Iterable[SensorConfig]) -> list[str]:
+    """Count sensors by what they are called: ``2 LiDARs``, ``1 IMU``."""
+    nouns = Counter(each.noun for each in sensors)
+    return [noun if noun.endswith("s") else f"{n} {noun}{'s' * (n > 1)}" for noun, n in nouns.items()]
 
 
 def fixed(value: float, decimals: int) -> str:

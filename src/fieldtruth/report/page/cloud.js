@@ -134,7 +134,7 @@
   });
   let camera = firstView();
   let [shown, byHeight] = [-1, false];
-  const heads = document.querySelectorAll("#lidars input");
+  const heads = document.querySelectorAll("#sensors input");
   const axes = () => {
     const [a, e] = [camera.azimuth * RADIANS, camera.elevation * RADIANS];
     const forward = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), -Math.sin(e)];
@@ -178,7 +178,7 @@
     gl.uniform1f(p.size_px, (1.35 * settings.voxel * canvas.height) / (2 * slope));
     gl.uniform1f(p.smallest, 1.5 * (canvas.height / canvas.clientHeight || 1));
     gl.bindVertexArray(cloud);
-    (settings.lidars || [[0, settings.count]]).forEach(([first, count], k) => {
+    (settings.sensors || [[0, settings.count]]).forEach(([first, count], k) => {
       if (!heads[k] || heads[k].checked) gl.drawArrays(gl.POINTS, first, count);
     });
 

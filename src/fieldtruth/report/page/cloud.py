@@ -24,7 +24,7 @@ from fieldtruth.report.drawing import cloud as drawing
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.images import jpeg_below
 from fieldtruth.report.drawing.maps import distance_along
-from fieldtruth.report.drawing.style import class_colour
+from fieldtruth.report.drawing.style import class_colour, sensor_nouns
 from fieldtruth.report.page.bag_pass import UNEXPECTED, class_ids, usable_topics
 
 SCANS: Final = 120
@@ -54,30 +54,32 @@ class ScanCloud(drawing.Cloud):
     frame: str
     """Frame of the points: the world, or the sensor's own frame if its pose is not known."""
     parts: tuple[tuple[str, int], ...]
-    """Names of the LiDARs and numbers of their points, which follow each other."""
+    """Names of the sensors and numbers of their points, which follow each other."""
+    sensors: str
+    """How many of which sensors they are from."""
     note: str = ""
     """Remark about the poses for the reader."""
 
 
 def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
-    """Accumulate up to 120 scans of each LiDAR, evenly spread over the run; None if it has no cloud.
+    """Accumulate up to 120 clouds of each sensor, evenly spread over the run; None if it has no cloud.
 
-    Without a trajectory or the mount of the first LiDAR, the result is its middle scan in its own frame.
+    Without a trajectory or the mount of the first sensor, the result is its middle scan in its own frame.
 
     Raises:
         BagError: the bag is damaged, or its clouds have no x, y, z.
     """
-    lidars = [lidar for lidar in run.of(Cloud) if lidar.topic in usable_topics(run)[0]]
-    if not lidars:
+    sources = [each for each in run.of(Cloud) if each.topic in usable_topics(run)[0]]
+    if not sources:
         return None
-    found = [_accumulated(run, lidar, trajectory) for lidar in lidars]
+    found = [_accumulated(run, each, trajectory) for each in sources]
     same = [each for each in found if each.frame == found[0].frame]
     for each in same:
         each.reduce(LARGEST // len(same))
     voxel = max(each.voxel for each in same)
     for each in same:
         each.coarsen(voxel)
-    names = [lidar.name for lidar in lidars]
+    names = [each.name for each in sources]
     notes = [each.note for each in same]
     notes += [f"The cloud of {name} is not shown." for name, e in zip(names, found, strict=True) if e not in same]
     return ScanCloud(
@@ -87,12 +89,13 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
         voxel=voxel,
         frame=found[0].frame,
         parts=tuple((name, len(e.xyz)) for name, e in zip(names, found, strict=True) if e in same),
+        sensors=" and ".join(sensor_nouns(each.config for each in sources)),
         note=" ".join(dict.fromkeys(filter(None, notes))),
     )
 
 
-def _accumulated(run: Run, lidar: Source, trajectory: Trajectory | None) -> "_Voxels":
-    clouds, topic = run.readings(lidar.name, labelled=False), lidar.topic
+def _accumulated(run: Run, source: Source, trajectory: Trajectory | None) -> "_Voxels":
+    clouds, topic = run.readings(source.name, labelled=False), source.topic
     last = len(clouds) - 1
     middle = clouds.message((last + 1) // 2)
     base_from_sensor, note = _mount(run, middle.header.frame_id)
@@ -192,15 +195,15 @@ class CloudView:
     """n rows of three int16, little endian, followed by n labels of one byte."""
     settings: dict[str, Any]
     """For the script: scale of the rows, first view, colours;
-    of several LiDARs, and of the path after them, the first row and the number of rows."""
+    of several sensors, and of the path after them, the first row and the number of rows."""
     legend: tuple[LegendRow, ...]
     poster: bytes
     """JPEG of the first view."""
     has_path: bool
 
     @property
-    def lidars(self) -> tuple[tuple[str, int], ...]:
-        """Names of the LiDARs with their numbers of points; empty if there is only one."""
+    def parts(self) -> tuple[tuple[str, int], ...]:
+        """Names of the sensors with their numbers of points; empty if there is only one."""
         return self.cloud.parts if len(self.cloud.parts) > 1 else ()
 
 
@@ -225,7 +228,7 @@ def pack_cloud(cloud: ScanCloud, trajectory: Trajectory | None) -> CloudView:
     }  # fmt: skip
     if len(cloud.parts) > 1:
         counts_of = [*(points for _, points in cloud.parts), len(path)]
-        settings["lidars"] = [[sum(counts_of[:k]), count] for k, count in enumerate(counts_of)]
+        settings["sensors"] = [[sum(counts_of[:k]), count] for k, count in enumerate(counts_of)]
     legend = tuple(
         LegendRow(int(row.label), row.name if row.label else "no class", class_colour(row.label), int(points))
         for row, points in zip(CLASSES, counts, strict=True)

@@ -23,7 +23,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.images import jpeg_below
 from fieldtruth.report.drawing.maps import Aerial, arc, render_aerial, sector
 from fieldtruth.report.drawing.style import TO, trimmed
-from fieldtruth.report.page.tables import CameraRow
+from fieldtruth.report.page.tables import ViewRow
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
@@ -59,7 +59,7 @@ def view_world(run: Run, progress: Progress) -> tuple[Aerial | None, str]:
 
 
 def _same_objects(run: Run, world: World) -> bool:
-    """Whether the objects in the bag, if it has any, have the names and positions of the world's."""
+    """Return True if the objects in the bag, if it has any, have the names and positions of the world's."""
     names, poses = read_objects(run)
     return not names or (
         names == (ROBOT, *world.object_names[1:])
@@ -81,7 +81,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Map:
-    """What the page draws, in units of an image ``width`` x ``height``."""
+    """Parts of the page's map, in units of an image ``width`` x ``height``."""
 
     width: float
     height: float
@@ -109,7 +109,7 @@ def draw_map(
     trajectory: Trajectory | None,
     aerial: Aerial | None,
     samples_ns: Sequence[int],
-    camera: CameraRow | None,
+    view: ViewRow | None,
 ) -> Map | None:
     """Draw the path, the waypoints and the viewpoints of the sample images; None without a trajectory.
 
@@ -118,7 +118,7 @@ def draw_map(
         trajectory: true poses of the robot.
         aerial: background; None draws a grid.
         samples_ns: stamps of the sample images.
-        camera: the camera whose field of view is drawn, if known.
+        view: whose field of view is drawn, if known.
     """
     if trajectory is None:
         return None
@@ -130,7 +130,7 @@ def draw_map(
     percent = 100 * pixels / shape
     marks = [*sheet.marks, *(_mark(sheet, point, str(k), "waypoint") for k, point in enumerate(waypoints[1:], 1))]
     marks.append(_mark(sheet, path[0], "start", "start"))
-    samples, sectors = _samples(trajectory, samples_ns, camera, sheet)
+    samples, sectors = _samples(trajectory, samples_ns, view, sheet)
     metre = sheet.pixels_per_metre(path.mean(axis=0))
     scale_m = max(step for step in _STEPS if step * metre < 0.2 * sheet.width or step == _STEPS[0])
     times = (trajectory.stamps_ns[rows] - run.start_ns) / 1e6
@@ -197,7 +197,7 @@ def _waypoints(run: Run) -> tuple[Array, float]:
 
 
 def _samples(
-    trajectory: Trajectory, stamps_ns: Sequence[int], camera: CameraRow | None, sheet: _Sheet
+    trajectory: Trajectory, stamps_ns: Sequence[int], view: ViewRow | None, sheet: _Sheet
 ) -> tuple[list[Mark], tuple[str, ...]]:
     """Letters at the viewpoints of the sample images, and fields of view."""
     marks: list[Mark] = []
@@ -212,12 +212,12 @@ def _samples(
             marks[near[-1]] = first._replace(text=f"{first.text[0]}{TO}{letter}")
             continue
         marks.append(new)
-        if camera is not None:
+        if view is not None:
             heading = float(yaw_from_rotation(rotation_from_quaternion_wxyz(trajectory.quaternion_wxyz[row])))
-            heading += np.radians(camera.heading_deg)
+            heading += np.radians(view.heading_deg)
             radius = _FIELD_OF_VIEW * sheet.width / sheet.pixels_per_metre(xy)
             sectors.append(
-                _points(sheet.project(sector(np.array([*xy, heading]), radius, np.radians(camera.horizontal_fov_deg))))
+                _points(sheet.project(sector(np.array([*xy, heading]), radius, np.radians(view.horizontal_fov_deg))))
             )
     return marks, tuple(sectors)
 

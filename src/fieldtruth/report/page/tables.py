@@ -53,8 +53,8 @@ class ClassRow(NamedTuple):
     points: Share | None
 
 
-class CameraRow(NamedTuple):
-    """Calibration of a camera from its CameraInfo."""
+class ViewRow(NamedTuple):
+    """Calibration of a view from its CameraInfo."""
 
     name: str
     frame: str
@@ -68,7 +68,7 @@ class CameraRow(NamedTuple):
     k: tuple[tuple[str, ...], ...]
     p: tuple[tuple[str, ...], ...]
     baseline: str
-    """Distance [m] from the left camera of its pair; empty for a left or a single camera."""
+    """Distance [m] from the left view of a pair; empty for a left or a single one."""
 
 
 class FrameRow(NamedTuple):
@@ -82,6 +82,7 @@ class FrameRow(NamedTuple):
 def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
     """The most important figures of a run."""
     figures, trajectory = [Figure(f"{run.duration_s:.1f}", "s", "recorded")], summary.trajectory
+    clouds = run.of(Cloud)
     if trajectory is not None:
         figures.insert(0, Figure(f"{trajectory.length_m:.2f}", "m", "driven"))
         if run.duration_s > 0:
@@ -89,7 +90,10 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
     counted = {
         "stereo pairs": _count(run, [view.topic for view in run.of(Image, recorded=False) if view.side == "left"]),
         "single images": _count(run, [view.topic for view in run.of(Image, recorded=False) if not view.side]),
-        "LiDAR scans": _count(run, [lidar.topic for lidar in run.of(Cloud)]),
+        **{
+            f"{noun} scans": _count(run, [each.topic for each in clouds if each.config.noun == noun])
+            for noun in dict.fromkeys(each.config.noun for each in clouds)
+        },
         "labelled pixels": sum(int(counts[1:].sum()) for counts in summary.pixels.values()),
         "labelled points": sum(int(counts[1:].sum()) for counts in summary.points.values()),
     }
@@ -128,14 +132,14 @@ def _share(counts: Counts, label: int, longest: float) -> Share | None:
     return Share(int(counts[label]), percent(share, 2), round(100 * share / longest, 2))
 
 
-def camera_rows(run: Run) -> list[CameraRow]:
-    """Calibration of each view of a camera that publishes it."""
+def view_rows(run: Run) -> list[ViewRow]:
+    """Calibration of each view that publishes it."""
     rows, usable = [], usable_topics(run)[0]
-    for imager in run.rig.imagers:
-        if (topic := imager.topic_of("camera_info")) not in usable:
+    for view in run.of(Image, recorded=False):
+        if view.info not in usable:
             continue
         try:
-            info = first_message(run, topic)
+            info = first_message(run, view.info)
             k, p = np.asarray(info.K, np.float64).reshape(3, 3), np.asarray(info.P, np.float64).reshape(3, 4)
         except UNEXPECTED:
             continue
@@ -143,16 +147,16 @@ def camera_rows(run: Run) -> list[CameraRow]:
         angles = _fields_of_view(info, k, size)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = -p[0, 3] / p[0, 0]
-        known = imager.side == "right" and math.isfinite(distance) and distance
+        known = view.side == "right" and math.isfinite(distance) and distance
         coefficients = " ".join(f"{d:g}" for d in info.D[:12])
         rows.append(
-            CameraRow(
-                name=imager.name,
+            ViewRow(
+                name=view.label,
                 frame=shortened(info.header.frame_id),
                 size=f"{size[0]} {TIMES} {size[1]}",
                 fov=f"{angles[0]:.2f}° {TIMES} {angles[1]:.2f}°",
                 horizontal_fov_deg=float(angles[0]),
-                heading_deg=float(np.degrees(heading_of(imager))),
+                heading_deg=float(np.degrees(heading_of(view.config.base_from_frames()[view.frame]))),
                 is_pinhole=not np.any(info.D) and info.distortion_model == "plumb_bob",
                 distortion=shortened(f"{info.distortion_model}, D = {coefficients}"),
                 k=_matrix(k),
@@ -261,6 +265,6 @@ def richest_topic(run: Run) -> tuple[str, str]:
 
 
 def has_frames(run: Run) -> bool:
-    """Whether the bag has the first cloud and the first image of its rig."""
+    """Return True if the bag has the first cloud and the first image of its rig."""
     clouds, images = run.of(Cloud, recorded=False)[:1], run.of(Image, recorded=False)[:1]
     return bool(clouds and images) and all(each.has(run.counts) for each in (*clouds, *images))

@@ -11,8 +11,8 @@
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -21,11 +21,11 @@ from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.lenses import Lens
 from fieldtruth.core.readings import Inertial
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import BASE, SensorConfig
-from fieldtruth.experiment.sensor_families import ImagingConfig
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\
@@ -98,7 +98,7 @@ def camchain_text(rig: Rig) -> str:
     missing: dict[str, str] = {}
     steering = rig.first(Inertial)
     for imager in rig.imagers:
-        lens = _lens(imager.config)
+        lens = kalibr_lens(imager.config.projection)
         if isinstance(lens, str):
             missing[imager.config.name] = lens
             continue
@@ -121,9 +121,8 @@ def camchain_text(rig: Rig) -> str:
     return "".join(lines) + write_mapping(chain)
 
 
-def _lens(config: ImagingConfig) -> dict[str, Any] | str:
+def kalibr_lens(lens: Lens) -> dict[str, Any] | str:
     """Return the lens with Kalibr's keys, or what Kalibr does not have."""
-    lens = config.projection
     if lens.model in ("pinhole", "plumb_bob"):
         k1, k2, p1, p2, k3 = lens.coefficients or (0.0,) * 5
         if k3 != 0.0:
@@ -146,7 +145,7 @@ def _rows(matrix: Array) -> list[list[float]]:
     return rows
 
 
-def imu_text(rig: Rig) -> str:
+def noise_text(rig: Rig) -> str:
     """Return the text of imu.yaml; of a rig with several IMUs, a document of each, since Kalibr takes a file of each.
 
     Raises:
@@ -195,10 +194,19 @@ def _number(value: float) -> str:
     return repr(int(rounded)) if rounded == int(rounded) else repr(rounded)
 
 
-FORMATS: Final[dict[str, Callable[[Rig], str]]] = {
-    "tree": tree_text,
-    "urdf": urdf_text,
-    "camchain": camchain_text,
-    "imu": imu_text,
+class Format(NamedTuple):
+    """A format of ``fieldtruth rig --to``."""
+
+    text: Callable[[Rig], str]
+    endings: tuple[str, ...]
+    """Of its files."""
+
+
+_YAML: Final = (".yaml", ".yml")
+FORMATS: Final[Mapping[str, Format]] = {
+    "tree": Format(tree_text, (".txt", ".md")),
+    "urdf": Format(urdf_text, (".urdf", ".xml")),
+    "camchain": Format(camchain_text, _YAML),
+    "imu": Format(noise_text, _YAML),
 }
-"""Writers of ``fieldtruth rig --to``."""
+"""Formats by name; those of Kalibr have the names of its files."""

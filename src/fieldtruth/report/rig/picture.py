@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of a rig: the robot from two sides with frames and fields of view, and a plan of the ground in view.
 
-The ground is flat: which of it the cameras and LiDARs see, and where they are blind.
+The ground is flat: which of it appears in images and in clouds, and where the sensors are blind.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,12 +19,11 @@ from scipy.spatial import ConvexHull
 
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.experiment.sensor_families import ImagingConfig, ScanningConfig
-from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent
-from fieldtruth.report.preview.sheet import Paper
+from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent, sensor_nouns
+from fieldtruth.report.preview import Paper
 from fieldtruth.sense.robot import meet, part_table
 
 HALF: Final = 10.0
@@ -43,7 +42,7 @@ def ground_height(rig: Rig) -> float:
 
 @dataclass(frozen=True)
 class SensorView:
-    """A LiDAR or one view of a camera: its name, and its pose (4, 4), of a view that of the optical frame."""
+    """A sensor that scans, or one view of a camera: name, and pose (4, 4), of a view that of the optical frame."""
 
     name: str
     config: ScanningConfig | ImagingConfig
@@ -65,14 +64,14 @@ class SensorView:
         return self.config.max_range if isinstance(self.config, ScanningConfig) else self.config.far
 
     @property
-    def is_lidar(self) -> bool:
-        """Whether it is a LiDAR."""
+    def scans(self) -> bool:
+        """True if it gives clouds, not images."""
         return isinstance(self.config, ScanningConfig)
 
     def sees(self, points_base: Array) -> Mask:
-        """Which of the points (n, 3) [m] in base_link are in its field of view and range; nothing hides any.
+        """Mask (n,) of the points (n, 3) [m] in base_link in its field of view and range; nothing hides any.
 
-        The field of view of a LiDAR has all elevations from its lowest to its highest beam.
+        The field of view of one that scans has all elevations from its lowest to its highest beam.
         """
         points = transforms.transform(transforms.inverse(self.base_from_sensor), points_base)
         distance = np.linalg.norm(points, axis=1)
@@ -107,9 +106,9 @@ class SensorView:
 
 
 def sensor_views(rig: Rig) -> tuple[SensorView, ...]:
-    """Return the LiDARs and views of a rig that are enabled."""
-    lidars = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.enabled(ScanningConfig))
-    return (*lidars, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
+    """Return the sensors of a rig that scan, and its views, that are enabled."""
+    scan = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.enabled(ScanningConfig))
+    return (*scan, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
 
 
 def ground_hits(view: SensorView, height: float) -> Array:
@@ -125,7 +124,7 @@ def ground_hits(view: SensorView, height: float) -> Array:
 def nearest_ground(view: SensorView, height: float) -> float:
     """Horizontal distance [m] from a view to the nearest ground that it sees; NaN if it sees none.
 
-    Of an upright LiDAR this is the radius of its blind circle.
+    Of an upright one that scans this is the radius of its blind circle.
     """
     x, y, _ = np.moveaxis(ground_hits(view, height) - view.position, -1, 0)
     distance = np.hypot(x, y)
@@ -143,9 +142,9 @@ class Coverage:
     hidden: Mask
     """(views, n, n): the robot itself is between, which simulated sensors see with ``rig.visible`` only."""
 
-    def seen(self, lidar: bool) -> Mask:
-        """Points (n, n) that a LiDAR sees, or a camera."""
-        chosen = [view.is_lidar == lidar for view in self.views]
+    def seen(self, scans: bool) -> Mask:
+        """Points (n, n) in a cloud, or in an image."""
+        chosen = [view.scans == scans for view in self.views]
         return np.asarray((self.in_view & ~self.hidden)[chosen].any(axis=0))
 
 
@@ -197,15 +196,15 @@ _COLOURS: Final = (
 _GROUND: Final = {
     "blind": "#f4c7c3",
     "behind the robot": "#d9a6c9",
-    "LiDAR only": "#cfe0fb",
-    "camera only": "#fbe6b8",
-    "LiDAR and camera": "#cdebcf",
+    "clouds only": "#cfe0fb",
+    "images only": "#fbe6b8",
+    "clouds and images": "#cdebcf",
 }
-_RINGS: Final = 48  # circles of a LiDAR that are drawn
+_RINGS: Final = 48  # circles of beams that are drawn
 
 
 class Window(NamedTuple):
-    """What a view shows [m]: its middle and lower end, half its width, and its height; and the robot's size."""
+    """Extent of a view [m]: its middle and lower end, half its width, and its height; and the robot's size."""
 
     middle: float
     low: float
@@ -283,9 +282,9 @@ def _draw_axes(axes: Axes, base_from_frame: Array, plane: tuple[int, int], lengt
 
 
 def _field_of_view(view: SensorView, plane: tuple[int, int], reach: float) -> Iterator[Array]:
-    """Outlines (n, 2) of the shadow of its rays; of a LiDAR from the side, of what it scans in this plane."""
+    """Outlines (n, 2) of the shadow of its rays; of one that scans, from the side, of what it scans in this plane."""
     flat, origin = list(plane), view.position[list(plane)]
-    if not view.is_lidar or plane == ABOVE:
+    if not view.scans or plane == ABOVE:
         rays = view.rays().reshape(-1, 3)[:, flat]
         points = np.concatenate([[origin], origin + reach * rays[np.isfinite(rays[:, 0])]])
         yield points[ConvexHull(points, qhull_options="QJ").vertices]  # QJ: they may be in one line
@@ -354,31 +353,24 @@ def draw_rig(rig: Rig, name: str, pixels: int = PIXELS) -> NDArray[np.uint8]:
     rows = (min(len(views), _ROWS) + 1) // 2
     paper = Paper(_WIDTH, max(_ABOVE_TOP + _ABOVE_HEIGHT, _LEGEND_TOP + 0.5 + 0.36 * rows) + _EDGE, pixels)
     paper.text(_EDGE - 0.02, 0.6, f"Rig of {name}", 22, weight="bold")
-    kinds = {
-        "LiDAR": rig.enabled(ScanningConfig),
-        "camera view": rig.imagers,
-        "IMU": rig.giving(Inertial),
-        "GNSS receiver": rig.giving(Fix),
-    }
-    counts = (f"{len(found)} {kind}{'s' * (len(found) != 1)}" for kind, found in kinds.items())
-    paper.text(_EDGE, 0.86, ", ".join(counts), 9, color=MUTED)
+    paper.text(_EDGE, 0.86, ", ".join(sensor_nouns(rig.in_order())) or "no sensors", 9, color=MUTED)
     caption = "axes x red, y green, z blue; fields of view are cut off; without optical frames"
     paper.heading(_EDGE, _SIDE_TOP, "From the side", caption)
     for plane, top, height in ((SIDE, _SIDE_TOP, _SIDE_HEIGHT), (ABOVE, _ABOVE_TOP, _ABOVE_HEIGHT)):
         axes = _framed(paper, _EDGE, top, _LEFT, height)
         draw_view(axes, rig, list(zip(views, colours, strict=True)), plane, _LEFT / height)
     paper.heading(_EDGE, _ABOVE_TOP, "From above", "forward is right, left is up")
-    paper.heading(_PLAN_LEFT, _SIDE_TOP, "Flat ground", "lines: circles of LiDAR beams, borders of images")
+    paper.heading(_PLAN_LEFT, _SIDE_TOP, "Flat ground", "lines: circles of beams, borders of images")
     _draw_plan(_framed(paper, _PLAN_LEFT, _SIDE_TOP, _PLAN, _PLAN), rig, coverage, colours)
     _write_legend(paper, rig, coverage, colours)
     return paper.render()
 
 
 def ground_classes(coverage: Coverage) -> dict[str, Mask]:
-    """Which points of the ground (n, n) belong to each class of ``_GROUND``; each point belongs to one."""
-    lidar, camera = coverage.seen(lidar=True), coverage.seen(lidar=False)
-    through = coverage.in_view.any(axis=0) & ~lidar & ~camera
-    masks = (~(lidar | camera | through), through, lidar & ~camera, camera & ~lidar, lidar & camera)
+    """Masks (n, n) of the points of the ground by class of ``_GROUND``; each point belongs to one."""
+    cloud, image = coverage.seen(scans=True), coverage.seen(scans=False)
+    through = coverage.in_view.any(axis=0) & ~cloud & ~image
+    masks = (~(cloud | image | through), through, cloud & ~image, image & ~cloud, cloud & image)
     return dict(zip(_GROUND, masks, strict=True))
 
 
@@ -391,7 +383,7 @@ def _draw_plan(axes: Axes, rig: Rig, coverage: Coverage, colours: Sequence[str])
     axes.imshow(image, origin="lower", extent=(-half, half, -half, half), interpolation="nearest")
     axes.set_autoscale_on(False)
     for view, colour, in_view in zip(coverage.views, colours, coverage.in_view, strict=True):
-        if view.is_lidar:
+        if view.scans:
             rings = ground_hits(view, ground)
             near = [ring for ring in rings if (np.abs(ring[:, :2]) < axis[-1]).all(axis=1).any()]
             for ring in near[:: len(near) // _RINGS + 1]:
@@ -431,7 +423,7 @@ def _nearest(view: SensorView, ground: float) -> str:
     distance = nearest_ground(view, ground)
     if np.isnan(distance):
         return "sees no ground"
-    upright = view.is_lidar and view.base_from_sensor[2, 2] > 1.0 - 1e-9
+    upright = view.scans and view.base_from_sensor[2, 2] > 1.0 - 1e-9
     return f"blind circle of {distance:.2f} m" if upright else f"sees ground from {distance:.2f} m"
 
 

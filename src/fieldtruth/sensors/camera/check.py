@@ -65,7 +65,7 @@ _BLOCK: Final = 8
 _NO_RAY: Final = 1e-6  # [m]
 _ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
 _WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
-"""Where ids do not fit into 16 bits."""
+"""Encodings where ids do not fit into 16 bits."""
 _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
     "photograph": read.image,
     "tag": read.image,

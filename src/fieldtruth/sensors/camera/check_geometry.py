@@ -125,7 +125,7 @@ class _Seen(NamedTuple):
 
 
 def is_recorded(context: Context) -> bool:
-    """Whether a view of the run has normals or flow."""
+    """Return whether a view of the run has normals or flow."""
     return any(imager.topic_of(part) in context.run.counts for imager in context.rig.imagers for part in _ANGLED)
 
 
@@ -441,7 +441,7 @@ def _projected(
 
 
 def _equal(around: NDArray[Any]) -> Mask:
-    """Whether 5 x 5 values (n, 5, 5) are all the same."""
+    """Return whether 5 x 5 values (n, 5, 5) are all the same."""
     flat = around.reshape(len(around), -1)
     return np.asarray((flat == flat[:, :1]).all(axis=1))
 

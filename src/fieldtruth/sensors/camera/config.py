@@ -15,8 +15,10 @@ from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Positive, Rate
 from fieldtruth.experiment.sensor_config import FrameName, Section, SensorName, SignalConfig, TopicName, part
-from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL, OPTICAL, Imager, ImagingConfig, LensConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig
 
+CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
+"""The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
 Mosaic = Literal["none", "mono", "rggb", "grbg", "gbrg", "bggr"]
 Response = Literal["filmic", "srgb", "linear"]
 ColourMatrix = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
@@ -34,7 +36,7 @@ _IN_ELECTRONS: Final = ("photon_noise", "read_noise_e", "dsnu_e")
 
 
 class CameraSignal(SignalConfig):
-    """What a real camera adds to the ideal photograph, in the order in which light passes it.
+    """Effects of a real camera on the ideal photograph, in the order in which light passes it.
 
     Labels, instances and depth remain those of the pose at the stamp. Values without a unit are shares.
     """
@@ -150,7 +152,7 @@ class CameraSignal(SignalConfig):
 
     @property
     def is_ideal(self) -> bool:
-        """Whether photographs are those of an ideal camera."""
+        """Return whether photographs are those of an ideal camera."""
         return self == CameraSignal()
 
     @property

@@ -24,63 +24,7 @@ from fieldtruth.sense.lens import pinhole, ray_table
 from fieldtruth.sense.robot import RobotView, hide_world, meet
 from fieldtruth.sense.scene import Scene
 
-_BAND: Final = 32  # rows at once
-
-
-class FlowSensor:
-    """Optical flow of the images of a camera. Use one per thread: it owns its buffers."""
-
-    def __init__(self, config: ImagingConfig, scene: Scene) -> None:
-        self._config, self._scene = config, scene
-        self._lens, self._pinhole, self._table = config.projection, pinhole(config), ray_table(config)
-        shape = (_BAND, config.width)
-        self._points = FlowPoints(np.empty((*shape, 3)), np.empty(shape), np.empty((*shape, 2)))
-        self._packet = new_packet(coherent=True)
-
-    def between(
-        self,
-        depth: Float32Array,
-        world_from_optical: Array,
-        world_from_next: Array,
-        robot: RobotView | None = None,
-        of_robot: Mask | None = None,
-    ) -> Float32Array:
-        """Flow (h, w, 2) [pixel] to the right and down from one pose (4, 4) to the next.
-
-        It is NaN where the next image does not show the point: outside the image, hidden, or beyond ``far``. Across the
-        seam of a whole panorama it takes the shorter direction. What the view sees of the robot, pixels ``of_robot``
-        (h, w), moves with it: its flow is 0, also that of wheels, which look the same however they have turned.
-        """
-        height, width = depth.shape
-        flow = np.empty((height, width, 2), np.float32)
-        moved = transforms.inverse(world_from_next) @ world_from_optical
-        own = np.zeros((1, 1), np.bool_) if of_robot is None else of_robot
-        for top in range(0, height, _BAND):
-            rows = slice(top, min(top + _BAND, height))
-            points = FlowPoints(*(each[: rows.stop - top] for each in self._points))
-            move_points(self._pinhole, self._table, moved, depth, own, top, points)
-            if len(self._table):
-                points.image[:] = lenses.project(self._lens, points.ray)
-            if robot is not None:
-                _hide_behind_robot(points, robot, own[rows])
-            self._cut(points)
-            hide_points(self._scene.rays.handle, self._packet, world_from_next, self._config.far, points)
-            flow[rows] = points.image - np.stack(np.meshgrid(np.arange(width), np.arange(top, rows.stop)), axis=-1)
-        if self._lens.model == "equirectangular":
-            around = 2.0 * np.pi * self._lens.fx
-            flow[..., 0] -= (around * np.rint(flow[..., 0] / around)).astype(np.float32)
-        if of_robot is not None:
-            flow[of_robot & ~np.isnan(flow[..., 0])] = 0.0
-        return flow
-
-    def _cut(self, points: FlowPoints) -> None:
-        """Remove points outside the borders of the image's outermost pixels, and those beyond ``far``."""
-        u, v = points.image[..., 0], points.image[..., 1]
-        with np.errstate(invalid="ignore"):
-            inside = (np.abs(u + 0.5 - self._config.width / 2) <= self._config.width / 2) & (
-                np.abs(v + 0.5 - self._config.height / 2) <= self._config.height / 2
-            )
-            points.image[~inside | ((points.distance > self._config.far) & np.isfinite(points.distance))] = np.nan
+_BAND: Final = 32  # rows of which the flow is computed at once
 
 
 def _hide_behind_robot(points: FlowPoints, robot: RobotView, own: Mask) -> None:
@@ -125,39 +69,30 @@ class LabelCamera:
         self._table = ray_table(config)
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
-        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.tops] * config.normals).reshape(-1, 3, 3)
-        self._labels: LabelImages | None = None
-        self._flow: FlowSensor | None = None
+        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels] * config.normals).reshape(
+            -1, 3, 3
+        )
+        self.last: LabelImages | None = None
+        """The images that the next call overwrites, of a camera with ``reuse``."""
 
     def label(self, world_from_optical: Array, robot: RobotView | None = None) -> LabelImages:
         """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
-        images = self._labels
-        if images is None:
-            shape = (self.config.height, self.config.width)
-            images = LabelImages(
-                label=np.empty(shape, np.uint8),
-                instance=np.empty(shape, np.uint32),
-                depth=np.empty(shape, np.float32),
-                normal=self._own_normals(),
-            )
+        images = self._own_images()
         out = self._buffers(images)
         view = self._view(world_from_optical)
         label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
         if robot is not None:
             hide_world(robot, out)
-        if self._reuse:
-            self._labels = images
         return images
-
-    @property
-    def last(self) -> LabelImages | None:
-        """The images that the next call overwrites, of a camera with ``reuse``."""
-        return self._labels
 
     def flow(
         self, images: LabelImages, world_from_optical: Array, world_from_next: Array, robot: RobotView | None = None
     ) -> Float32Array:
-        """Optical flow (h, w, 2) [pixel] from these images to the view's pose ``world_from_next``; see ``FlowSensor``.
+        """Optical flow (h, w, 2) [pixel] to the right and down from these images to the view's next pose.
+
+        It is NaN where the next image does not show the point: outside the image, hidden, or beyond ``far``. Across the
+        seam of a whole panorama it takes the shorter direction. What the view sees of the robot moves with it: its flow
+        is 0, also that of wheels, which look the same however they have turned.
 
         Args:
             images: of the pose ``world_from_optical``.
@@ -165,14 +100,53 @@ class LabelCamera:
             world_from_next: (4, 4).
             robot: what the view sees of it.
         """
-        if self._flow is None:
-            self._flow = FlowSensor(self.config, self.scene)
-        of_robot = images.label == int(Label.ROBOT) if robot is not None else None
-        return self._flow.between(images.depth, world_from_optical, world_from_next, robot, of_robot)
+        lens, (height, width), packet = self.config.projection, images.depth.shape, new_packet(coherent=True)
+        shape = (_BAND, width)
+        band = FlowPoints(np.empty((*shape, 3)), np.empty(shape), np.empty((*shape, 2)))
+        flow = np.empty((height, width, 2), np.float32)
+        moved = transforms.inverse(world_from_next) @ world_from_optical
+        own = np.zeros((1, 1), np.bool_) if robot is None else images.label == int(Label.ROBOT)
+        for top in range(0, height, _BAND):
+            rows = slice(top, min(top + _BAND, height))
+            points = FlowPoints(*(each[: rows.stop - top] for each in band))
+            move_points(self.pinhole, self._table, moved, images.depth, own, top, points)
+            if len(self._table):
+                points.image[:] = lenses.project(lens, points.ray)
+            if robot is not None:
+                _hide_behind_robot(points, robot, own[rows])
+            self._cut(points)
+            hide_points(self.scene.rays.handle, packet, world_from_next, self.config.far, points)
+            flow[rows] = points.image - np.stack(np.meshgrid(np.arange(width), np.arange(top, rows.stop)), axis=-1)
+        if lens.model == "equirectangular":
+            around = 2.0 * np.pi * lens.fx
+            flow[..., 0] -= (around * np.rint(flow[..., 0] / around)).astype(np.float32)
+        if robot is not None:
+            flow[own & ~np.isnan(flow[..., 0])] = 0.0
+        return flow
 
-    def _own_normals(self) -> Float32Array:
-        """Array for an image of normals, without pixels if none are wanted."""
-        return np.empty((self.config.height * self.config.normals, self.config.width, 3), np.float32)
+    def _cut(self, points: FlowPoints) -> None:
+        """Remove points outside the borders of the image's outermost pixels, and those beyond ``far``."""
+        u, v, config = points.image[..., 0], points.image[..., 1], self.config
+        with np.errstate(invalid="ignore"):
+            inside = np.abs(u + 0.5 - config.width / 2) <= config.width / 2
+            inside &= np.abs(v + 0.5 - config.height / 2) <= config.height / 2
+            points.image[~inside | ((points.distance > config.far) & np.isfinite(points.distance))] = np.nan
+
+    def _own_images(self) -> LabelImages:
+        """Return arrays of images, new ones unless they are reused."""
+        images = self.last or self._new_images()
+        self.last = images if self._reuse else None
+        return images
+
+    def _new_images(self) -> LabelImages:
+        h, w = self.config.height, self.config.width
+        normal = np.empty((h * self.config.normals, w, 3), np.float32)  # without pixels if none are wanted
+        return LabelImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            normal=normal,
+        )
 
     def _buffers(self, images: LabelImages) -> LabelBuffers:
         return LabelBuffers(images.label, images.instance, images.depth, NormalBuffers(images.normal, self._axes))

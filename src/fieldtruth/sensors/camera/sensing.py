@@ -5,16 +5,10 @@
 Of a real one, labels, instances and depth are those of an ideal one at the stamp; the light of the photograph is
 collected while the shutter is open, behind drops and dust, with exposure and white balance from small metering images.
 
-Single drops of rain and flakes of snow before a camera, which fall while the shutter is open. Garg and Nayar, "Vision
-and Rain" (Int. J. Computer Vision 75, 2007): a drop is before a pixel for a part of the exposure only, so its streak is
-as long as it falls in that time, and the more transparent the longer it is; it has the mean light of all that it
-refracts, 165 deg of the scene, of which 94 % pass. Its size is distributed as extinction and LiDARs have it
-(``sense.air``). What is smaller or farther than what is drawn is part of the air's extinction.
-
-Drops of water and specks of dust on the glass before a lens, which is focused far behind them. A drop is a strong lens
-of its own: it shows the scene upside down and small (Roser and Geiger, "Video-based raindrop detection for improved
-image registration", ICCV Workshops 2009), out of focus here, and darker towards its rim. Sizes, speeds and lives of
-drops are our choice. All depend on the view, the seed and the stamp, not on photographs before.
+docs/weather.md explains single drops of rain and flakes of snow before a camera, and docs/camera_signal.md drops and
+dust on the glass, which depend on the view, the seed and the stamp, not on photographs before. Sizes of drops in the
+air are distributed as extinction and LiDARs have them (``sense.air``); what is smaller or farther than what is drawn is
+part of the air's extinction.
 """
 
 from collections.abc import Callable, Sequence
@@ -77,7 +71,6 @@ class IdealCamera(LabelCamera):
             self._shading = self._shading._replace(exposure=np.float32(exposure))
         buffers = new_framebuffer(config.height, config.width)
         self._framebuffer = buffers._replace(shading=buffers.shading._replace(batch=self._batch))
-        self._images: CameraImages | None = None
 
     def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
@@ -97,20 +90,13 @@ class IdealCamera(LabelCamera):
         hide_world(robot, labels)
 
     def _own_images(self) -> CameraImages:
-        """Arrays of images, new ones unless they are reused."""
-        if self._images is not None:
-            return self._images
-        h, w = self.config.height, self.config.width
-        images = CameraImages(
-            label=np.empty((h, w), np.uint8),
-            instance=np.empty((h, w), np.uint32),
-            depth=np.empty((h, w), np.float32),
-            normal=self._own_normals(),
-            photo=np.empty((h, w, 3), np.uint8),
-        )
-        if self._reuse:
-            self._images = images
+        images = super()._own_images()
+        assert isinstance(images, CameraImages)
         return images
+
+    def _new_images(self) -> CameraImages:
+        photo = np.empty((self.config.height, self.config.width, 3), np.uint8)
+        return CameraImages(**vars(super()._new_images()), photo=photo)
 
 
 METERINGS: Final = 4
@@ -124,7 +110,7 @@ _RGB_FROM_XYZ: Final = np.array(
 
 
 class Exposure(NamedTuple):
-    """How a photograph was exposed."""
+    """Exposure of a photograph."""
 
     total: float
     """Light and gain together, relative to the ideal exposure of an open meadow."""
@@ -212,7 +198,7 @@ def _daylight(kelvin: float) -> Array:
 
 
 DROP_LIGHT: Final = 0.94
-"""Share of the light through a drop (Garg and Nayar 2007)."""
+"""Share of the light through a drop, of 165 deg of the scene (Garg and Nayar, Int. J. Computer Vision 75, 2007)."""
 FLAKE_ALBEDO: Final = 0.9
 """Of fresh snow in visible light (Wiscombe and Warren, J. Atmos. Sci. 37, 1980: above 0.9)."""
 APERTURE: Final = 1.2e-3
@@ -340,7 +326,11 @@ def dust_of(seed: int, view: str, count: int, shape: tuple[int, int]) -> Array:
 
 
 def add_drops(light: Float32Array, drops: Array) -> None:
-    """Draw drops (n, 3), see ``drops_at``, into light (h, w, 3)."""
+    """Draw drops (n, 3), see ``drops_at``, into light (h, w, 3).
+
+    Each shows the scene upside down and small (Roser and Geiger, "Video-based raindrop detection for improved image
+    registration", ICCV Workshops 2009).
+    """
     if len(drops):
         soft: Float32Array = gaussian_filter(cell_means(light), (1.5, 1.5, 0.0), mode="nearest")
         draw_drops(light, soft, drops)

@@ -3,6 +3,7 @@
 """The camera as a kind of sensor: images of its view, or of both views of a pair, and their messages."""
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,31 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as ImageM
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
 from fieldtruth.bag import messages as ros
-from fieldtruth.core.arrays import Array
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.lenses import directions
 from fieldtruth.core.readings import Ids, Image
 from fieldtruth.drive.track import PoseAt
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.sense.robot import RobotView, part_table, robot_view
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.labels import tag_image
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages, Light, standing_at
-from fieldtruth.sensors.kind import At, Sensor, SensorWorld
+from fieldtruth.sensors.camera.labels import LabelCamera, tag_image
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages, IdealCamera, Light, standing_at
+from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
+
+_STEP = transforms.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
+"""From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
+
+
+def pixel_directions(config: CameraConfig) -> Float32Array:
+    """Unit directions (h, w, 3) through the pixel centres in the optical frame.
+
+    Pixels for which the lens has no ray get the optical axis, because bare Embree traces rows and columns.
+    """
+    u, v = np.arange(config.width), np.arange(config.height)[:, None]
+    found = np.asarray(directions(config.projection, u, v), np.float32)
+    return np.where(np.isnan(found), np.array([0.0, 0.0, 1.0], np.float32), found)
 
 
 def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], config: CameraConfig) -> bytes:
@@ -149,8 +165,16 @@ class CameraSensor(Sensor):
 
     def __init__(self, config: CameraConfig, sensor_world: SensorWorld) -> None:
         super().__init__(config, sensor_world)
-        self._camera = Camera(config, sensor_world.baked, reuse=sensor_world.reuse, seed=sensor_world.seed)
         self._views: dict[str, Imager] = {imager.side: imager for imager in config.imagers()}
+
+    @cached_property
+    def _camera(self) -> Camera:
+        made = self.sensor_world
+        return Camera(self.config, made.baked, reuse=made.reuse, seed=made.seed)
+
+    @cached_property
+    def _labels(self) -> LabelCamera:
+        return LabelCamera(self.config, self.sensor_world.scene, reuse=self.sensor_world.reuse)
 
     def truth(self, output: Output, at: At) -> Image | Light:
         """Render the images of a view; with a signal, collect the light of its photograph."""
@@ -164,6 +188,27 @@ class CameraSensor(Sensor):
         """Develop the light that was collected last."""
         imager = self._views[output.part]
         return self._image(self._camera.develop(truth, imager, at.number, at.stamp_ns, _poses(at)), imager, at)
+
+    def labels(self, output: Output, at: At) -> NDArray[np.uint8]:
+        """Trace the class ids of a view, for which no light needs to be baked."""
+        imager = self._views[output.part]
+        pose = at.movement.pose(at.stamp_ns) @ imager.base_from_optical
+        return self._labels.label(pose, self._robot(imager)).label
+
+    def rays(self) -> Rays:
+        """Rays through the pixels' centres; they give label images, photographs, normals and optical flow."""
+        camera = IdealCamera(self.config, self.sensor_world.baked, reuse=True)
+        geometry = LabelCamera(self.config.model_copy(update={"normals": True}), self.sensor_world.scene, reuse=True)
+
+        def flow(pose: Array) -> object:  # from the labels that were just made from the same pose
+            assert geometry.last is not None
+            return geometry.flow(geometry.last, pose, pose @ _STEP)
+
+        return Rays(
+            pixel_directions(self.config),
+            self.config.far,
+            ({"label_image": camera.label}, {"photograph": camera.render}, {"normals": geometry.label, "flow": flow}),
+        )
 
     def messages(self, output: Output, number: int, reading: Image) -> Iterable[bytes]:
         """Serialise calibration, photograph, tag image and what else the camera publishes."""

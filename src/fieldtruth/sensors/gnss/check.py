@@ -23,8 +23,8 @@ FIX: Final = Rule("each reading is a fix without covariance", minor=True)
 GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", "no GNSS receiver, or no true motion")
 _LARGEST: Final = 45.0  # one fix in 10^9 exceeds it: chi-square of three coordinates
 _MEAN: Final = (2e-4, 31.0)
-"""Where the mean of a run lies but for one run in 10^6 on either side: the law of a single fix, as its largest errors
-last as long as a run."""
+"""Limits of the mean of a run, beyond which is one run in 10^6 on either side: the law of a single fix, as its largest
+errors last as long as a run."""
 LARGEST: Final = Rule("no fix is further from the truth than its covariance allows", _LARGEST, "of the variance")
 TYPICAL: Final = Rule("the errors of a receiver are as large as its covariances state")
 REPORTED: Final = Rule("a fix has a covariance if there are errors, and nothing has one without a position")

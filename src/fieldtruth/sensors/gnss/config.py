@@ -4,7 +4,7 @@
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, AwareDatetime, Field, model_validator
 
@@ -59,7 +59,7 @@ class GnssSignal(SignalConfig):
     """Time at simulated time 0."""
     constellations: Annotated[tuple[System, ...], Field(min_length=1, description="a list of gps, galileo")] = ("gps",)
     obstacles: Boolean = False
-    """Whether ground, hills, trunks and crowns block or weaken signals."""
+    """True if ground, hills, trunks and crowns block or weaken signals."""
     elevation_mask_deg: Annotated[Number, Field(ge=0, le=80)] = 0.0
     """Satellites below are not used."""
     pdop_max: Annotated[Number, Field(gt=0)] = 1e6
@@ -92,11 +92,11 @@ class GnssSignal(SignalConfig):
     rtk_min_satellites: Annotated[Integer, Field(ge=4, le=100)] = 4
     """With fewer whose phase is followed the ambiguities are lost."""
     rtk_losses_per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
-    """How often they are lost otherwise."""
+    """Losses for other reasons."""
     rtk_fix_s: Seconds = 0.0
     """Time until they are found again, and until the phase of a satellite that was too weak is of use."""
     link_losses_per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
-    """How often the corrections stop; the receiver is alone until they return."""
+    """Losses of the corrections; the receiver is alone until they return."""
     link_loss_s: Seconds = 0.0
     """Mean duration of that."""
 
@@ -113,7 +113,7 @@ class GnssSignal(SignalConfig):
 
     @property
     def is_exact(self) -> bool:
-        """Whether every position is the true one."""
+        """Return whether every position is the true one."""
         sigmas = [self.range_sigma_m, self.multipath_sigma_m, self.white_sigma_m]
         if self.mode == "rtk":
             sigmas += [self.rtk_float_sigma_m, self.rtk_fixed_sigma_m, self.rtk_white_sigma_m]
@@ -123,6 +123,7 @@ class GnssSignal(SignalConfig):
 class GnssConfig(MountedConfig):
     """GNSS receiver; the mount is that of its antenna, by default the paper's GNSS_link."""
 
+    topic_of_name: ClassVar[str] = "/{}/fix"
     noun: ClassVar[str] = "GNSS receiver"
     gives: ClassVar[type[Reading]] = Fix
     sees: ClassVar[bool] = False
@@ -140,11 +141,6 @@ class GnssConfig(MountedConfig):
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
     rate_hz: Rate = 2.0
     signal: GnssSignal | None = None
-
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that an antenna has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/fix"}
 
     def summary(self) -> str:
         """Return rate and frame."""

@@ -2,30 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Positions of a GNSS receiver: the true ones, and those of a receiver that hears satellites through the scene.
 
-Satellites of GPS and Galileo: positions from the stored almanac, and directions from the world. The positions follow
+docs/gnss.md explains orbits, rays to the satellites, errors of ranges and RTK. Positions of satellites follow
 IS-GPS-200, section 20.3.3.5.2.1 and table 20-IV, reduced to the terms of an almanac, which are good to a few kilometres
 within a fortnight: 0.01 deg seen from the ground.
-
-How much of a satellite's signal reaches the antenna through the scene that LiDARs and cameras see. A wave needs the
-space around the straight line, its first Fresnel zone: at a distance d from the antenna a disc of radius
-sqrt(wavelength d), 0.44 m at 1 m and 1.4 m at 10 m. Sixteen rays bend apart so as to fill that disc evenly. Each
-arrives with the amplitude that leaves let through, or with none if ground, wood, rock or furniture stops it, and the
-mean of the amplitudes is that of the signal. A straight edge through the line of sight thus takes 6 dB, as the
-diffraction at a knife edge does (ITU-R P.526, section 4.1), and a thin trunk weakens a satellite which a wall takes.
-
-Leaves attenuate by their number, not by the length of the path: the surfaces that a ray crosses are an unbiased measure
-of leaf area along it in a thin crown as in a dense one, in which the first and the last of a few hits say little.
-
-Position by weighted least squares: how errors of ranges move it, and what the geometry of the satellites adds. With H
-the rows (-u, 1) of the unit vectors u to the satellites, and W the inverse variances of their ranges, the errors e of
-the ranges move the solution of position and clock by (H' W H)^-1 H' W e, whose covariance is (H' W H)^-1 (Misra and
-Enge, Global Positioning System, 2nd ed., chapter 6).
-
-The filter with which a receiver follows its solutions, and the exact covariance of what it puts out. A receiver knows
-its velocity from Doppler shifts to centimetres a second, so that the true motion passes the filter and the errors of
-the solutions are averaged: f_k = b f_(k-1) + (1 - b) G_k e_k. The errors e of the ranges are sums of Gauss-Markov
-processes, and the covariance of f with each of them obeys a recursion of its own, so that correlation in time is
-accounted for.
 """
 
 import dataclasses
@@ -151,7 +130,11 @@ class RangeErrors(NamedTuple):
 
 
 class PositionFilter:
-    """The filter of a receiver, which goes on from time to time."""
+    """The filter with which a receiver follows its solutions, and the exact covariance of its output.
+
+    It averages their errors: f_k = b f_(k-1) + (1 - b) G_k e_k. The errors e of the ranges are sums of Gauss-Markov
+    processes, and the covariance of f with each of them obeys a recursion of its own.
+    """
 
     def __init__(self) -> None:
         self._error, self._covariance = np.zeros(3), np.zeros((3, 3))
@@ -194,7 +177,11 @@ class Solution(NamedTuple):
 
 
 def solve(directions: Array, used: Mask, sigma: Array) -> Solution:
-    """Solve for position and clock.
+    """Solve for position and clock by weighted least squares.
+
+    With H the rows (-u, 1) of the unit vectors u to the satellites, and W the inverse variances of their ranges, the
+    errors e of the ranges move the solution by (H' W H)^-1 H' W e, whose covariance is (H' W H)^-1 (Misra and Enge,
+    Global Positioning System, 2nd ed., chapter 6).
 
     Args:
         directions: unit vectors (t, n, 3) to the satellites in the world frame.
@@ -263,6 +250,10 @@ def ray_paths(antenna: Array, directions: Array) -> Array:
 
 def amplitudes(scene: Scene, antenna: Array, directions: Array, leaf: float) -> Array:
     """Share (n,) of the amplitude in the open with which signals arrive.
+
+    The rays fill the first Fresnel zone evenly, at a distance d from the antenna a disc of radius sqrt(wavelength d). A
+    straight edge through the line of sight thus takes 6 dB, as the diffraction at a knife edge does (ITU-R P.526,
+    section 4.1).
 
     Args:
         scene: shared by all sensors.

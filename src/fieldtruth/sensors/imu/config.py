@@ -70,7 +70,7 @@ class ImuSignal(SignalConfig):
     """Time [s] after which an error of the attitude is forgotten to 1/e; no data sheet states it, so it is our choice:
     the order of the time in which an AHRS corrects its gyroscopes by gravity and magnetic field."""
     no_attitude: Boolean = False
-    """Whether the sensor gives no attitude: ROS marks it by -1 as first number of its covariance."""
+    """True if the sensor gives no attitude: ROS marks it by -1 as first number of its covariance."""
 
 
 LEAST: Final = 1e-6
@@ -93,6 +93,7 @@ _SHORT: Final = {"mean": "means between stamps", "instant": "the last millisecon
 class ImuConfig(MountedConfig):
     """Inertial measurement unit; by default the paper's, in imu_link."""
 
+    topic_of_name: ClassVar[str] = "/{}/data"
     noun: ClassVar[str] = "IMU"
     gives: ClassVar[type[Reading]] = Inertial
     sees: ClassVar[bool] = False
@@ -112,11 +113,6 @@ class ImuConfig(MountedConfig):
     """mean: over the interval between two readings, so that integrating gives the motion; instant: over the physics
     step that ends at the stamp, as in Gazebo."""
     signal: ImuSignal | None = None
-
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that an IMU has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/data"}
 
     def figures(self) -> str:
         """Return how it samples the motion."""

@@ -1,30 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of an inertial measurement unit: a pure function of the true motion, and what a real one makes of them.
+"""Readings of an inertial measurement unit: a pure function of the true motion; and those of a real one.
 
 True readings are means over the interval that ends at the stamp, as ``ImuReadings`` states: their sums are attitude and
 velocity, and a short drive equals the start of a long one. Means of the rotating body's angular velocity and specific
 force would miss coning and sculling (Savage, Strapdown Inertial Navigation Integration Algorithm Design, Journal of
 Guidance, Control, and Dynamics 21, 1998); the rotation vector and the change of velocity of the interval contain both.
 
-Readings of a real IMU from the true ones: arrays to arrays, in one piece or as they come. A reading is made in the
-order of the physics: with u the true reading of a triad,
+Readings of a real IMU are made from the true ones, arrays to arrays, in one piece or as they come. docs/imu_signal.md
+has the formulas and their sources; with u the true reading of a triad
 
     measured = quantised(limited((1 + S + M) u + bias + white)).
-
-S is a diagonal matrix of scale errors, M one of misalignments beside the diagonal; both are drawn once.
-
-white: with density N and rate r, each reading has noise of its own with the deviation N sqrt(r) (Kalibr's wiki, "IMU
-Noise Model"). With ``sampling: mean`` that is the exact mean of white noise over the interval of the reading. With
-``sampling: instant`` it is the noise of a sensor whose filter ends at half the rate, as Kalibr assumes it, so that the
-Allan deviation is N / sqrt(tau) in both cases.
-
-bias: a constant that is drawn once, plus a random walk with steps K sqrt(dt), whose Allan deviation is K sqrt(tau / 3)
-(IEEE Std 952, C.1.3), plus flicker noise, whose Allan deviation has a flat bottom (C.1.2). Its spectrum B^2 / (2 pi f)
-is the sum of Gauss-Markov processes with equal variances B^2 ln(4) / pi and correlation times of 1 s, 4 s, ... 4096 s,
-since the integral of their spectra over ln T is 1 / f. The bottom is B sqrt(2 ln(2) / pi), which data sheets state.
-
-attitude: the true one turned about the axes of the world by angles that are Gauss-Markov processes.
 """
 
 import math

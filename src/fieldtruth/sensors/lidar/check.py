@@ -26,8 +26,15 @@ from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
-from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, limit_of, ray_directions, ray_times_ns, sweep_times_ns
-from fieldtruth.sensors.lidar.sensor import point_type
+from fieldtruth.sensors.lidar.sensing import (
+    IdealLidar,
+    Lidar,
+    limit_of,
+    ray_directions,
+    ray_times_ns,
+    ring_lag,
+    sweep_times_ns,
+)
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
@@ -236,7 +243,7 @@ def _check_cloud(
     raw: RawMessage, message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison
 ) -> None:
     cloud, where = read.points(message), at(raw)
-    found, due = _fields(cloud.dtype), _fields(point_type(config, wide_ids=classes.has_wide_ids))
+    found, due = _fields(cloud.dtype), _fields(config.point_type(wide_ids=classes.has_wide_ids))
     untimed = {"t": "<u4"} if "t" in found and not config.spinning else {}  # all rays leave at once
     whole = found == due | untimed and message.is_dense != config.organised and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(found)}")
@@ -335,13 +342,6 @@ def _sweep_times(config: LidarConfig) -> NDArray[np.int64]:
     return sweep_times_ns(config) if config.spinning else np.zeros(1, np.int64)
 
 
-@cache
-def _lag(config: LidarConfig) -> Array:
-    """Share (rings,) of a column's time after which each ring fires."""
-    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
-    return offsets * (1e-9 * config.rate_hz * config.columns)
-
-
 class RetracedClouds(Checker):
     """Every cloud, measured again in the rebuilt world and compared ray by ray."""
 
@@ -408,7 +408,7 @@ class RetracedClouds(Checker):
             column, ring = divmod(k, config.rings)
             pose = poses[0]
             if len(poses) > 1:
-                pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
+                pose = poses[column] + ring_lag(config)[ring] * (poses[column + 1] - poses[column])
             range_m, mount = float(np.linalg.norm(bag.xyz[k].astype(np.float64))), config.mount.base_from_sensor
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],

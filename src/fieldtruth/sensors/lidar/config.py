@@ -5,6 +5,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from fieldtruth.core.readings import Cloud
@@ -55,7 +56,7 @@ class LidarSignal(SignalConfig):
     sub_rays: SubRays = 1
     """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
     returns: Returns = "strongest"
-    """Which echoes of a pulse are points: the strongest, the last, or two: the strongest and the last of the others."""
+    """Echoes that become points: the strongest, the last, or two: the strongest and the last of the others."""
     pulse_length: Annotated[Number, Field(ge=0, le=100)] = 0.0
     """Distance [m] within which echoes of a pulse merge into one."""
 
@@ -80,9 +81,22 @@ Intensity = Literal["class", "reflectivity"]
 Pattern = Literal["avia", "mid_360"]
 
 
+_XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
+_RING: Final = [("ring", "<u2")]
+_MAKERS: Final = {
+    "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
+    "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
+}
+"""Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
+MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
+"""Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+
+
 class LidarConfig(ScanningConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
+    topic_of_name: ClassVar[str] = "/{}/points"
     noun: ClassVar[str] = "LiDAR"
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
@@ -110,18 +124,33 @@ class LidarConfig(ScanningConfig):
     """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
     signal: LidarSignal | None = None
 
-    @classmethod
-    def of_name(cls, name: str) -> dict[str, Any]:
-        """Topic and frame that a LiDAR has by its name."""
-        return {**super().of_name(name), "topic": f"/{name}/points"}
-
     def outputs(self) -> tuple[Output, ...]:
         """Its point clouds."""
         return (self.output(self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"), reading=Cloud),)
 
+    def point_type(self, *, wide_ids: bool = False) -> np.dtype[np.void]:
+        """Type of a point of 24 bytes: x, y, z [m] in the LiDAR's frame; intensity = label, as in the paper; ray; ids.
+
+        That of a LiDAR that spins has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none:
+        programs scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has
+        32 bits. ``time_field`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum.
+        ``point_fields`` are those of the maker's driver; PCL reads a field only if name and type are those that a
+        program declares. A LiDAR with a signal has more fields.
+        """
+        clock, maker = self.time_field, self.point_fields
+        time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if self.spinning else []
+        ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
+        own = _MAKERS[maker] if maker else _RING
+        measured = [] if self.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
+        return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
+
+    def cloud_fields(self) -> dict[str, str]:
+        """Return NumPy's type of each field of its clouds."""
+        return {name: kind.str for name, (kind, *_) in (self.point_type().fields or {}).items()}
+
     @property
     def needs_signal_for_weather(self) -> bool:
-        """Whether it is ideal."""
+        """Return whether it is ideal."""
         return self.signal is None
 
     def summary(self) -> str:

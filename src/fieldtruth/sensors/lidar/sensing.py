@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The LiDAR: rays, what they meet, and what an ideal or a real receiver makes of it.
+"""The LiDAR: its rays, their echoes, and the readings of an ideal and of a real receiver.
 
 Every return has class and instance id. Patterns, timing and figures need no ray tracer.
 
@@ -8,28 +8,10 @@ Rays of LiDARs whose pattern does not repeat from scan to scan; without the ray 
 These have the fields of view, lines and rates of the data sheets and depend on the time alone, so that the scans of a
 LiDAR at rest fill its field of view: the Avia's repeat after 30 s, the Mid-360's never.
 
-Echoes of a beam that has a width: several rays stand for it, and what they meet within a pulse merges. A beam's
-irradiance is a Gaussian of the angle, exp(-r^2 / 2 s^2) with s = FWHM / sqrt(8 ln 2). One ray in its middle with half
-of the power, and the others in a ring of radius 2 s with the rest, have its moments up to the fifth degree with six
-rays in the ring (Stroud 1971, Approximate calculation of multiple integrals, E2-r2 5-1), and its second and fourth
-radial ones with any number. The ring is turned from beam to beam, so that two rays in it see no direction more than
-others.
-
-An echo begins with the nearest ray that is left, and takes all within ``pulse_length``. Its power is their sum and its
-range their mean by power, where the peak of a waveform is that has not separated (Wagner and others 2006, ISPRS Journal
-60, 100-112). Class and id are those of the object with most of its power.
-
-From echoes to readings: photons that are counted, pulses that return, and the noise of range and angles. Power falls as
-P = P0 D^2 sigma eta exp(-2 alpha R) / (16 A R^2) with sigma = 4 pi rho cos(theta) A of a surface that fills the beam
-(Carlsson 2000, FOI-R-1163; Wagner 2010, ISPRS Journal 65, 505-513). Aperture, optics and laser are one constant, which
-the ``reach`` of the data sheet gives: signal = signal_at_reach (rho_a / R^2) / (rho_0 / R_0^2).
-
-The signal counts photons, so its variance is its mean (Poisson; normal here, at 12 photons and more). A real OS1-64 of
-generation 1 (RELLIS-3D, frame 000104) agrees: on concrete the deviation of the signal is 4.0 at 25, 5.4 at 44 and 7.5
-at 88 photons, the weakest returns have 11 to 14, and grass at 4 to 8 m reads 7.4 % where its reflectance of 50 % under
-an incidence of 81 deg gives 8 %.
-
-How bright the ground below snow looks to a LiDAR; on what stands there, snow does not count.
+Power, noise and beams with a width follow docs/lidar_signal.md, which compares them with a real frame. An echo begins
+with the nearest ray that is left, and takes all within ``pulse_length``. Its power is their sum and its range their
+mean by power, where the peak of a waveform is that has not separated (Wagner and others 2006, ISPRS Journal 60,
+100-112). Class and id are those of the object with most of its power.
 """
 
 from collections.abc import Callable, Sequence
@@ -80,6 +62,12 @@ def ray_times_ns(config: LidarConfig) -> NDArray[np.int64]:
     """Times (columns, rings) [ns] after the stamp at which the rays of a spinning LiDAR leave."""
     offsets = np.array(config.firing_offsets_ns or (0,) * config.rings, np.int64)
     return np.asarray(column_times_ns(config)[:, None] + offsets, np.int64)
+
+
+def ring_lag(config: LidarConfig) -> Array:
+    """Share (rings,) of a column's time after which each ring fires."""
+    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
+    return offsets * (1e-9 * config.rate_hz * config.columns)
 
 
 AVIA_FOV_DEG: Final = (70.4, 77.2)
@@ -159,7 +147,7 @@ def below_snow(value: float, share: float) -> float:
 
 
 def ground_below_snow(bare: Raster, terrain: Terrain) -> Raster:
-    """Reflectances of a terrain's ground with its snow, on the grid of those without."""
+    """Reflectances of a terrain's ground with its snow, on the grid of those without; snow elsewhere does not count."""
     if terrain.snow is None:
         return bare
     x, y = _nodes(bare)
@@ -234,7 +222,7 @@ def surface_table(scene: Scene) -> SurfaceTable:
     world = scene.world
     rows = {name: row for row, name in enumerate(world.materials)}
     faces = [np.array([rows[n] for n in mesh.materials], np.uint16)[mesh.material] for mesh in scene.meshes]
-    rotation = np.array([top.world_from_object[:3, :3] for top in scene.tops])
+    rotation = np.array([top.world_from_object[:3, :3] for top in scene.top_levels])
     terrain, on_trail = world.terrain, snow_on_trails(world.terrain)
     return SurfaceTable(
         face_material=np.concatenate([*faces, np.zeros(0, np.uint16)]),
@@ -319,7 +307,14 @@ class WeatherInAir:
 
 
 def sub_rays_of(signal: LidarSignal) -> SubRays:
-    """Rays of a beam of a signal: one, or at least three of them."""
+    """Rays of a beam of a signal: one, or at least three of them.
+
+    A beam's irradiance is a Gaussian of the angle, exp(-r^2 / 2 s^2) with s = FWHM / sqrt(8 ln 2). One ray in its
+    middle with half of the power, and the others in a ring of radius 2 s with the rest, have its moments up to the
+    fifth degree with six rays in the ring (Stroud 1971, Approximate calculation of multiple integrals, E2-r2 5-1), and
+    its second and fourth radial ones with any number. The ring is turned from beam to beam, so that two rays in it see
+    no direction more than others.
+    """
     count = signal.sub_rays
     radius = 2.0 * np.radians(signal.divergence_deg) / np.sqrt(8.0 * np.log(2.0))
     ring = np.arange(count - 1) + np.arange(TURNS)[:, None] / TURNS  # (TURNS, count - 1) of its spacing
@@ -376,11 +371,11 @@ class IdealLidar:
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
-        self._beams = Beams(ray_directions(config), lag, config.min_range, config.max_range, returns)
+        self._beams = Beams(ray_directions(config), ring_lag(config), config.min_range, config.max_range, returns)
         # Incoherent: 12 % faster in the park, as fast in the forest. Other rays of one beam are coherent.
         self._packets = new_packet(coherent=False), new_packet(coherent=True)
-        self._receiver, self._rays = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
+        self._receiver, self._middle = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
+        self._rays = self._middle
         self._surfaces: SurfaceTable | None = None
         self._echoes = echo_buffers(1, config.columns, config.rings)
         self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
@@ -439,7 +434,7 @@ class IdealLidar:
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
-        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
+        """Return whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
         if self.config.pattern is not None:
             robot.aim(self._beams.directions)
         column, ring, range_m = robot.column, robot.ring, robot.range_m
@@ -449,7 +444,7 @@ class IdealLidar:
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
         before = echo_buffers(1, len(column), 1)
-        self._trace(None, own, beams, sub_rays_of(LidarSignal()), before)
+        self._trace(None, own, beams, self._middle, before)
         world_m = before.depth[0, :, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 

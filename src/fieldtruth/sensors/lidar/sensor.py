@@ -16,20 +16,10 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.lidar_noise import Reading
-from fieldtruth.sensors.kind import At, Sensor, SensorWorld
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Traced, sweep_times_ns
+from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
+from fieldtruth.sensors.lidar.config import MEASURED, LidarConfig
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, Traced, ray_directions, sweep_times_ns
 
-_XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
-_RING: Final = [("ring", "<u2")]
-_MAKERS: Final = {
-    "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
-    "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
-}
-"""Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
-MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
-"""Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
-_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 _DATATYPES: Final = {
     "<f4": PointField.FLOAT32,
     "<f8": PointField.FLOAT64,
@@ -37,23 +27,6 @@ _DATATYPES: Final = {
     "<u2": PointField.UINT16,
     "|u1": PointField.UINT8,
 }
-
-
-def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
-    """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
-
-    That of a LiDAR that spins has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none:
-    programs scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32
-    bits. ``time_field`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``point_fields``
-    are those of the maker's driver; PCL reads a field only if name and type are those that a program declares. A LiDAR
-    with a signal has more fields.
-    """
-    clock, maker = config.time_field, config.point_fields
-    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if config.spinning else []
-    ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
-    own = _MAKERS[maker] if maker else _RING
-    measured = [] if config.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
-    return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
 
 
 def point_cloud(
@@ -71,7 +44,7 @@ def point_cloud(
     if config.signal is not None:
         measured = scan.others if isinstance(scan, Cloud) else {name: getattr(scan, name) for name in MEASURED}
     t_ns = np.zeros(len(scan.xyz), np.int64) if scan.t_ns is None else scan.t_ns.astype(np.int64)
-    kind, clock, maker = point_type(config, wide_ids=wide_ids), config.time_field, config.point_fields
+    kind, clock, maker = config.point_type(wide_ids=wide_ids), config.time_field, config.point_fields
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = measured["reflectivity"] if config.intensity == "reflectivity" else scan.label
@@ -138,6 +111,13 @@ class LidarSensor(Sensor):
     def signal(self, output: Output, at: At, truth: Traced) -> Cloud:
         """Measure the echoes that were traced last."""
         return self._cloud(self._lidar.measure(truth, at.number), at)
+
+    def rays(self) -> Rays:
+        """Rays by column and ring; they give a labelled scan."""
+        scan = IdealLidar(self.config, self.sensor_world.scene).scan
+        return Rays(
+            ray_directions(self.config).astype(np.float32), self.config.max_range, ({self.config.family: scan},)
+        )
 
     def messages(self, output: Output, number: int, reading: Cloud) -> Iterable[bytes]:
         """Serialise sensor_msgs/PointCloud2."""

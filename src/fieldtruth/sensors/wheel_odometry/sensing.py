@@ -6,18 +6,10 @@ The model is that of a skid-steered or differential robot, as in ``diff_drive_co
 a side's advance is the mean of its wheels, the robot turns by the difference of the sides over the effective track, and
 moves on an arc from one reading to the next. Slip is what it does not see, so its error is that of a real robot.
 
-Readings of real wheel encoders from the true angles of the wheels: arrays to arrays, in one piece or as they come.
-Radii: a wheel whose radius is R (1 + e), where the robot assumes R, turns by 1 / (1 + e) of what the robot expects over
-the same distance. The e are drawn once (Borenstein and Feng, Measurement and Correction of Systematic Odometry Errors
-in Mobile Robots, IEEE Transactions on Robotics and Automation 12, 1996).
-
-Counts: an encoder with c counts per revolution has passed floor(c angle / (2 pi) + phase) edges, with a phase in [0, 1)
-that is drawn once. An angle is that number times 2 pi / c, a speed the change of the angle over the time between two
-readings. Each count has an error that is even over one step q, with the variance q^2 / 12. An angle is the difference
-of two counts, the first at the start, and so is a change: q^2 / 6 for both.
-
-Odometry is dead reckoning from these angles. They add to its covariance, to first order: of the radii J J^T s^2,
-where J is the change of the pose by each e and s the deviation of e, and of the counts that of the last angles.
+Readings of real wheel encoders are made from the true angles of the wheels, arrays to arrays, in one piece or as they
+come. docs/imu_signal.md has the formulas of radii, counts and covariances. Each count has an error that is even over
+one step q, with the variance q^2 / 12. An angle is the difference of two counts, the first at the start, and so is a
+change: q^2 / 6 for both.
 """
 
 import math

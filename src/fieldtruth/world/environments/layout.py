@@ -47,6 +47,7 @@ class PlantGroup:
     form: Literal["tree", "snag", "bush", "tuft", "clump"]
     name: str  # of a mesh; ``{species}`` and ``{k}``, the number of the individual, are replaced
     species: Mapping[str, Heights] = field(default_factory=dict)  # heights [m], or shares of a clump's tufts
+    mixed: tuple[str, ...] = ()  # species of one individual each, in this order, instead; names may occur again
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
     even: bool = False  # heights in equal steps from the least to the greatest, not random ones
@@ -84,7 +85,7 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
     planting = validated(Planting, content, str(path))
     for key, group in planting.groups.items():
         known = list(_LIBRARIES[group.form])  # names: no species is read
-        for unknown in (each for each in group.species if each not in known):
+        for unknown in (each for each in (*group.species, *group.mixed) if each not in known):
             raise ConfigurationError(f"{path}: groups.{key}: unknown species {unknown!r}; {suggestion(unknown, known)}")
         if not group.species and group.heights is None:
             raise ConfigurationError(f"{path}: groups.{key}: species or heights is missing")
@@ -99,7 +100,8 @@ PLANTINGS: Final = Library("environments", _planting, lambda _: ())
 
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
     """Check the species that a layout names by group; raises ValueError."""
-    groups = {name: each for name, each in PLANTINGS[environment].groups.items() if each.species} if plants else {}
+    known_groups = PLANTINGS[environment].groups.items() if plants else ()
+    groups = {name: each for name, each in known_groups if each.species or each.mixed}
     for group, names in plants.items():
         if group not in groups:
             raise ValueError(f"unknown group {group!r}; {suggestion(group, groups)}")
@@ -119,7 +121,8 @@ class Planter:
 
     def species(self, group: str) -> tuple[str, ...]:
         """Names of a group's species."""
-        return tuple(self._plants.get(group) or self._planting.groups[group].species)
+        form = self._planting.groups[group]
+        return tuple(self._plants.get(group) or form.mixed or form.species)
 
     def grow(
         self, group: str, rng: np.random.Generator, *, count: int | None = None, species: Iterable[str] | None = None
@@ -132,6 +135,8 @@ class Planter:
             own: dict[str, Any] = {"radius": form.radius, "per_m2": form.per_m2, "rng": rng, "detail": form.detail}
             sizes = [form.size + form.larger * k for k in numbers]
             return [grow_clump(shares, name=form.name.format(k=k), size=size, **own) for k, size in enumerate(sizes)]
+        if form.mixed:
+            return [self.individual(group, name, k, rng, count) for k, name in enumerate(names)]
         if form.in_turn:
             return [self.individual(group, name, k, rng, count) for k in numbers for name in names]
         return [self.individual(group, name, k, rng, count) for name in names for k in numbers]

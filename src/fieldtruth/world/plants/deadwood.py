@@ -191,15 +191,8 @@ def root_plate(trunk: Stems, extent: float, wood: str, rng: np.random.Generator,
     length = extent * rng.uniform(0.5, 1.1, count)
     order = Order(number=count, length=1, angle=(0, 0), bend=0.5, wander=1.0, segments=5)
     start = centre + [0, 0, -0.12 * extent] + 0.35 * extent * away * [1, 1, 0]
-    none = np.zeros(count, np.intp)
-    roots = Stems(
-        axis=extend(start, unit(away), length, order, rng),
-        radius=taper(radius * rng.uniform(0.15, 0.4, count), order),
-        length=length,
-        parent=none,
-        joint=np.zeros(count),
-        limb=none,
-    )
+    axis = extend(start, unit(away), length, order, rng)
+    roots = Stems.alone(axis, taper(radius * rng.uniform(0.15, 0.4, count), order), length)
     soil = Part((vertices, normals, uv, quads.reshape(-1, 3).astype(np.int32)), SOIL)
     return [soil, Part(tubes(roots, max(4, round(6 * detail**0.3))), wood)]
 
@@ -338,11 +331,7 @@ def _sides(full: int, detail: float) -> int:
 
 def _single(axis: Array, radius: Array) -> Stems:
     """One stem through the nodes (k, 3) [m]."""
-    length = float(np.linalg.norm(np.diff(axis, axis=0), axis=1).sum())
-    none = np.full(1, -1, np.intp)
-    return Stems(
-        axis=axis[None], radius=radius[None], length=np.array([length]), parent=none, joint=np.zeros(1), limb=none
-    )
+    return Stems.alone(axis[None], radius[None], np.linalg.norm(np.diff(axis, axis=0), axis=1).sum()[None])
 
 
 def _cut(stem: Stems, start: float, end: float, segments: int) -> Stems:
@@ -378,14 +367,9 @@ def _stubs(
     angle = np.radians(rng.normal(72, 14, count))[:, None]
     length = stem.length[0] * longest * rng.uniform(0.12, 1.0, count) ** 1.6 + 1.3 * radius
     order = Order(number=count, length=1, angle=(0, 0), lift=(-0.1, 0.1), wander=0.5, bend=0.3, segments=4)
-    return Stems(
-        axis=extend(position, np.cos(angle) * tangent + np.sin(angle) * side, length, order, rng),
-        radius=taper(np.clip(thickness * radius * rng.uniform(0.6, 1.2, count), 0.004, 0.6 * radius), order),
-        length=length,
-        parent=parent,
-        joint=joint,
-        limb=rank,
-    )
+    axis = extend(position, np.cos(angle) * tangent + np.sin(angle) * side, length, order, rng)
+    thick = np.clip(thickness * radius * rng.uniform(0.6, 1.2, count), 0.004, 0.6 * radius)
+    return Stems.alone(axis, taper(thick, order), length)
 
 
 def _boxes(stem: Stems, height: Array, plate: float) -> tuple[Collider, ...]:
@@ -428,26 +412,16 @@ def grow_twigs(*, name: str, radius: float, count: int, rng: np.random.Generator
     ahead = np.stack([np.cos(rise) * np.cos(heading), np.cos(rise) * np.sin(heading), np.sin(rise)], axis=1)
     middle = np.stack([out * np.cos(turn), out * np.sin(turn), np.full(count, 0.012)], axis=1)
     foot = middle - 0.5 * length[:, None] * ahead * [1, 1, 0]
-    branches = Stems(
-        axis=extend(foot, ahead, length, _BRANCH, rng),
-        radius=taper(0.01 * np.clip(length, 0.3, 1.3) * rng.uniform(0.6, 1.0, count), _BRANCH),
-        length=length,
-        parent=np.full(count, -1, np.intp),
-        joint=np.zeros(count),
-        limb=np.arange(count, dtype=np.intp),
-    )
+    axis = extend(foot, ahead, length, _BRANCH, rng)
+    thick = 0.01 * np.clip(length, 0.3, 1.3) * rng.uniform(0.6, 1.0, count)
+    branches = Stems.alone(axis, taper(thick, _BRANCH), length)
     parent = np.repeat(np.arange(count, dtype=np.intp), 3)
     joint = rng.uniform(0.3, 0.95, len(parent))
     position, tangent, thickness = branches.at(parent, joint)
     side = sideways(tangent, parent, np.arange(len(parent), dtype=np.intp) % 3, 180.0, 25.0, rng)
     own = length[parent] * (1.1 - joint) * rng.uniform(0.3, 0.7, len(parent))
-    twigs = Stems(
-        axis=extend(position, 0.7 * tangent + 0.7 * side, own, _TWIG, rng),
-        radius=taper(0.6 * thickness, _TWIG),
-        length=own,
-        parent=parent,
-        joint=joint,
-        limb=parent,
+    twigs = Stems.alone(
+        extend(position, 0.7 * tangent + 0.7 * side, own, _TWIG, rng), taper(0.6 * thickness, _TWIG), own
     )
     surfaces = [tubes(replace(stems, axis=stems.axis * FLAT), sides) for stems, sides in ((branches, 4), (twigs, 3))]
     rows = np.zeros(sum(len(faces) for *_, faces in surfaces), np.int32)

@@ -37,6 +37,12 @@ class Stems:
     joint: Array  # (n,) where along the parent, as a fraction of its length
     limb: Index  # (n,) number of the order-1 stem that it grows on; -1 for the trunk
 
+    @classmethod
+    def alone(cls, axis: Array, radius: Array, length: Array) -> "Stems":
+        """Stems that grow on no other."""
+        none = np.full(len(axis), -1, np.intp)
+        return cls(axis=axis, radius=radius, length=length, parent=none, joint=np.zeros(len(axis)), limb=none)
+
     def take(self, rows: Index) -> "Stems":
         """Some of the stems."""
         return Stems(**{key: value[rows] for key, value in vars(self).items()})
@@ -102,8 +108,7 @@ def grow_trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
     axis = extend(foot, direction, length, form, rng)
     if n == 1:
         axis = _righted(axis, habit.lean_limit)
-    none = np.full(n, -1, np.intp)
-    return Stems(axis=axis, radius=taper(radius, form), length=length, parent=none, joint=np.zeros(n), limb=none)
+    return Stems.alone(axis, taper(radius, form), length)
 
 
 def _righted(axis: Array, limit: float) -> Array:

@@ -106,10 +106,9 @@ def _open_share(world: World, x: Array, y: Array) -> Array:
     """Share (nx, ny) of the falling snow that reaches the ground at nodes x, y between crowns and roofs."""
     axes = grid_axes(world.size, CELL)
     solid, leaves = np.zeros([len(a) for a in axes]), np.zeros([len(a) for a in axes])
-    parts = {name: _flat_parts(mesh, world) for name, mesh in world.meshes.items()}
-    for instance in world.instances:
-        if instance.kind == "water":
-            continue
+    dry = [instance for instance in world.instances if instance.kind != "water"]
+    parts = {name: _flat_parts(world.meshes[name], world) for name in {instance.mesh for instance in dry}}
+    for instance in dry:
         points, area, leafy = parts[instance.mesh]
         pose = instance.world_from_object
         at = points @ pose[:2, :3].T + pose[:2, 3]

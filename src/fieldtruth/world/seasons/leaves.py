@@ -24,14 +24,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
+from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh, node_axes
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh, merge_meshes, node_axes
 from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
-from fieldtruth.world.plants.growth import unit
+from fieldtruth.world.plants.growth import Surface, gathered, unit
 from fieldtruth.world.seasons import Change, changes, tinted
 
 PER_LEAF: Final = 0.6
@@ -48,7 +48,6 @@ THINNEST: Final = 0.022
 THIN: Final = 0.0024  # [m]
 REACH: Final = (0.6, 1.8)
 """Least and greatest length of a twig that starts beside its leaf, relative to the leaf."""
-Surface = tuple[Float32Array, Float32Array, Float32Array, NDArray[np.int32]]
 
 
 def hidden_twigs(wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.random.Generator) -> Surface:
@@ -65,8 +64,7 @@ def hidden_twigs(wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.ra
     share = min(PER_LEAF, MOST_TWIGS / max(len(leaves), 1))
     rows = np.flatnonzero(gone & (chance < share))
     if not len(rows) or not len(wood):
-        empty = np.zeros((0, 3), np.float32)
-        return empty, empty, empty[:, :2], np.zeros((0, 3), np.int32)
+        return _needles(np.zeros((0, 3)), np.zeros((0, 3)), THIN)
     foot, tip = _axes(wood, leaves[rows], length[rows], bow[rows])
     return _needles(foot, tip, min(THINNEST * leaf, THIN))
 
@@ -84,7 +82,6 @@ def _axes(wood: Array, leaves: Array, least: Array, bow: Array) -> tuple[Array, 
 
 
 def _needles(foot: Array, tip: Array, thinnest: float) -> Surface:
-    n = len(foot)
     axis = tip - foot
     length = np.linalg.norm(axis, axis=1)
     ahead = axis / length[:, None]
@@ -97,13 +94,7 @@ def _needles(foot: Array, tip: Array, thinnest: float) -> Surface:
     normals = np.concatenate([spoke, ahead[:, None]], axis=1)
     v = np.stack([0 * length, 0 * length, 0 * length, length / 0.15], axis=1)
     uv = np.stack([np.broadcast_to([0.0, 0.33, 0.67, 0.5], v.shape), v], axis=-1)
-    faces: Index = 4 * np.arange(n)[:, None, None] + np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3]])
-    return (
-        vertices.reshape(-1, 3).astype(np.float32),
-        normals.reshape(-1, 3).astype(np.float32),
-        uv.reshape(-1, 2).astype(np.float32),
-        faces.reshape(-1, 3).astype(np.int32),
-    )
+    return gathered(vertices, normals, uv, [[0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
 PATCHY: Final = 0.6
@@ -224,20 +215,9 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         wood |= summer.material == summer.materials.index(species.upper_wood)
     blades = summer.vertices[summer.faces[first]]
     length = float(np.median(np.linalg.norm(blades[:, :1] - blades, axis=2).max(axis=1)))
-    vertices, normals, uv, faces = hidden_twigs(
-        summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng
-    )
-    names, start = list(changed.materials), len(changed.vertices)
-    row = _row_of(names, twigs_of(species))
-    return replace(
-        changed,
-        materials=tuple(names),
-        vertices=np.concatenate([changed.vertices, vertices]),
-        normals=np.concatenate([changed.normals, normals]),
-        uv=np.concatenate([changed.uv, uv]),
-        faces=np.concatenate([changed.faces, faces + np.int32(start)]),
-        material=np.concatenate([changed.material, np.full(len(faces), row, np.int32)]),
-    ), len(faces)
+    twigs = hidden_twigs(summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng)
+    grown = make_mesh("twigs", *twigs, (twigs_of(species),))
+    return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
 
 
 def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
-from fieldtruth.world.textures import ground, surfaces  # noqa: F401  (register drawings)
+from fieldtruth.world.textures import strewn, surfaces  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
 
 
@@ -35,17 +35,24 @@ class Texture:
     parameters: Mapping[str, Any]
 
 
-_FORMER: Final[Mapping[str, Entry]] = {
-    "velvet": {"waves": [[0.12, 2, 60, 0.5, 1]]},
-    "opal_glass": {"tones": [[205, 203, 194], [236, 234, 226]], "middle": 0.55, "waves": [[0.1, 2, 30, 1, 1]]},
-    "murky_water": {"tones": [[38, 44, 30], [46, 54, 38], [54, 60, 40]], "waves": [[0.12, 2, 12, 0.8, 1]]},
-}
-"""Parameters of the drawing ``mottled`` by the names that it had in files for earlier versions."""
+_FORMER: Final[Mapping[str, Entry | str]] = {
+    "velvet": {"draw": "mottled", "waves": [[0.12, 2, 60, 0.5, 1]]},
+    "opal_glass": {
+        "draw": "mottled", "tones": [[205, 203, 194], [236, 234, 226]], "middle": 0.55, "waves": [[0.1, 2, 30, 1, 1]],
+    },
+    "murky_water": "water", "garden_soil": "soil", "bark_mulch": "mulch", "leaf_litter": "litter",
+    "needle_litter": "needles", "trodden_earth": "path", "dry_turf": "turf_dry", "stony_soil": "soil_stony",
+    "blades_over_soil": "lawn",
+    **{name: name for name in ("gravel", "moss", "rough_grass", "mud", "pebbles", "scree")},
+}  # fmt: skip
+"""Drawings by the names that they had in files for earlier versions: parameters, or the texture that has them."""
 
 
 def _texture(name: str, entry: Entry, source: str) -> Texture:
     former = _FORMER.get(str(entry.get("draw")))
-    entry = entry if former is None else {**former, **entry, "draw": "mottled"}
+    if former is not None:
+        former = TEXTURES.entry(former) if isinstance(former, str) else former
+        entry = {**former, **entry, "draw": former["draw"]}
     parameters = {key: value for key, value in entry.items() if key not in ("draw", "albedo")}
     values = {key: value for key, value in entry.items() if key in ("draw", "albedo")}
     texture = validated(Texture, {**values, "parameters": parameters}, source)

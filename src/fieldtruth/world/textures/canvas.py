@@ -167,7 +167,7 @@ Profile = Callable[[Image, Image, Index], Image]
 def stamps(
     rng: Rng, n: int, length: ArrayLike, width: ArrayLike, profile: Profile, rise: ArrayLike, *, turn: float = np.pi
 ) -> Samples:
-    """Scattered pieces of half ``length`` and ``width`` (k,) [pixels], turned by up to ``turn``; tops at ``rise``."""
+    """Scattered pieces of half ``length`` and ``width`` (k,) [pixels], turned by ``turn`` at most, ``rise`` high."""
     half_a, half_b = np.asarray(length, np.float32), np.asarray(width, np.float32)
     top = np.broadcast_to(np.asarray(rise, np.float32), half_a.shape)
     centre = rng.uniform(0, n, (2, len(half_a))).astype(np.float32)
@@ -191,6 +191,23 @@ def stamps(
         number = owner.astype(np.int32)
         found.append(Samples(x[inside], y[inside], height[inside], number[inside], at_a[inside], at_b[inside]))
     return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def stone_profile(lumps: Image) -> Profile:
+    """Profile of rounded pebbles; the phases ``lumps`` (k, 4) vary their outlines."""
+
+    def profile(a: Image, b: Image, rows: Index) -> Image:
+        turn, wave = np.arctan2(b, a), lumps[rows]
+        rim = (
+            0.86
+            + 0.09 * np.sin(2 * turn + wave[:, 0])
+            + 0.07 * np.sin(3 * turn + wave[:, 1])
+            + 0.04 * np.sin(5 * turn + wave[:, 2])
+        )
+        inside = 1 - (np.hypot(a, b) / rim) ** 2
+        return np.asarray(np.where(inside > 0, np.sqrt(np.maximum(inside, 0)), -1), np.float32)
+
+    return profile
 
 
 def blur(image: Image, sigma: float) -> Image:

@@ -38,6 +38,7 @@ from fieldtruth.world.textures.canvas import (
     ridges,
     settle,
     stamps,
+    stone_profile,
 )
 
 LEAF = 256
@@ -355,6 +356,64 @@ def moss_on_bark(rng: Rng) -> Image:
     colour = mix([(38, 44, 16), (74, 88, 28), (112, 124, 46)], height)
     bare = np.clip(1.6 * (noise(rng, N, 5, 80, slope=0.9) - 1.25), 0, 0.8)[..., None]
     return even_out((colour * (1 - bare) + linear((84, 70, 54)) * bare) * crevices(height, 5.0, 0.5)[..., None])
+
+
+@drawing
+def setts(rng: Rng) -> Image:
+    """Granite cobbles, about 8 cm, in sand, without a direction, so that they fit a border of any orientation."""
+    bend = [0.05 * noise(rng, N, 4, 20, slope=1.6) for _ in range(2)]
+    joint = cells(rng, N, 6, 6, jitter=0.5, shift=bend)
+    gap = joint.second - joint.nearest + 0.012 * noise(rng, N, 20, 120)
+    crown = np.clip((gap - 0.06) / 0.4, 0, 1) ** 0.5
+    tone = rng.beta(4, 4, 36).astype(np.float32)[joint.owner]
+    grain, hollow = noise(rng, N, 60, 256, slope=0.0), noise(rng, N, 8, 60)
+    stone = mix([(104, 100, 96), (132, 128, 122), (156, 150, 142), (148, 137, 126)], tone)
+    stone *= ((1 + 0.12 * grain) * (0.66 + 0.34 * crown + 0.06 * hollow))[..., None]
+    sand = mix([(86, 76, 60), (128, 114, 92)], 0.5 + 0.25 * noise(rng, N, 20, 250, slope=0.4)) * np.float32(0.7)
+    moss = np.clip(noise(rng, N, 3, 40) - 0.6, 0, 0.8)[..., None]
+    sand = sand * (1 - moss) + linear((66, 70, 42)) * moss
+    share = np.clip((gap - 0.06) / 0.06, 0, 1)[..., None]
+    top = np.clip(share[..., 0] * (0.45 + 0.5 * crown) + 0.03 * grain, 0, 1)[..., None]
+    return np.concatenate([sand * (1 - share) + stone * share, top], axis=-1).astype(np.float32)
+
+
+@drawing
+def far_meadow(rng: Rng) -> Image:
+    """Distant rough grassland: tussocks, pale dry patches, dark weeds; one pixel is 8 cm."""
+    tussock = noise(rng, N, 30, 250, slope=0.3)
+    patch = noise(rng, N, 5, 60, slope=0.9)
+    colour = mix([(70, 82, 46), (98, 108, 62), (122, 126, 78), (152, 146, 102)], 0.45 + 0.12 * patch + 0.07 * tussock)
+    weeds = 0.5 * np.clip(noise(rng, N, 12, 120, slope=0.6) - 1.3, 0, 1)[..., None]
+    colour = colour * (1 - weeds) + linear((62, 72, 40)) * weeds
+    return even_out(colour * (1 + 0.06 * blur(tussock, 0.7))[..., None], cycles=5)
+
+
+@drawing
+def far_heath(rng: Rng) -> Image:
+    """Distant heath of a mountain: brown heather and straw, gorse, grey rocks; one pixel is 8 cm."""
+    patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
+    colour = mix([(84, 66, 54), (116, 96, 70), (150, 132, 92), (172, 156, 114)], 0.5 + 0.16 * patch + 0.08 * fine)
+    count = 1_500
+    size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
+    width, lumps = size * rng.uniform(0.7, 1, count), rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
+    shrubs = settle(N, [stamps(rng, N, size, width, stone_profile(lumps), rng.uniform(0.3, 1, count))])
+    kind = rng.random(count).astype(np.float32)[shrubs.owner]
+    green = mix([(50, 58, 34), (74, 84, 44), (112, 82, 84)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
+    stone = mix([(138, 132, 124), (178, 171, 162)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
+    piece = np.where((kind < 0.72)[..., None], green, stone)
+    colour = np.where((shrubs.owner >= 0)[..., None], piece, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
+    return even_out(np.asarray(colour, np.float32), cycles=5)
+
+
+@drawing
+def far_crags(rng: Rng) -> Image:
+    """Distant bare granite with joints and ledges; one pixel is 8 cm."""
+    grain, patch = noise(rng, N, 20, 256, slope=0.6), noise(rng, N, 4, 60, slope=1.0)
+    crack = sum(np.exp(-((noise(rng, N, low, 8 * low, slope=0.9) / 0.12) ** 2)) for low in (5, 12))
+    rock = mix([(112, 106, 99), (150, 143, 134), (182, 175, 166)], 0.5 + 0.15 * grain + 0.15 * patch)
+    rock *= (1 - 0.3 * np.minimum(crack, 1))[..., None]
+    ledge = np.clip(noise(rng, N, 8, 90, slope=0.7) - 0.9, 0, 1)[..., None]
+    return even_out(np.asarray(rock * (1 - ledge) + linear((122, 112, 74)) * ledge, np.float32), cycles=5)
 
 
 @drawing

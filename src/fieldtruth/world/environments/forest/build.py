@@ -64,8 +64,6 @@ from fieldtruth.world.relief import (
 )
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
-CONIFERS = ("spruce", "pine")
-BROADLEAVES = ("beech", "birch", "oak")
 UPROOTED: Final = 0.006
 """Density [1/m^2] of pits and mounds."""
 OFF_TRAIL: Final = 3.0
@@ -119,7 +117,7 @@ def raise_roots(builder: WorldBuilder, rng: np.random.Generator) -> None:
     field = builder.field
     trunks = []
     for instance in builder.instances:
-        if instance.kind in (*CONIFERS, *BROADLEAVES, "snag", "stump"):
+        if instance.kind in TREES or instance.kind in ("snag", "stump"):
             trunk = builder.meshes[instance.mesh].colliders[0]
             scale = float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
             trunks.append((*instance.world_from_object[:2, 3], scale * trunk.size[0]))
@@ -134,14 +132,16 @@ def make_glades(size: tuple[float, float], rng: np.random.Generator) -> Raster:
     return make_raster(fractal_noise(x, y, wavelength=13.0, octaves=3, rng=rng), 0.5, x, y)
 
 
-def cover_ground(builder: WorldBuilder, glades: Raster, rng: np.random.Generator) -> Terrain:
+def cover_ground(builder: WorldBuilder, config: Config, glades: Raster, rng: np.random.Generator) -> Terrain:
     """Needles below conifers, leaves below broadleaved trees, moss in patches, humus in between."""
     x, y = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
     px, py = np.meshgrid(x, y, indexing="ij")
     distance = signed_distance(builder.trails, x, y)
     fine = fractal_noise(x, y, wavelength=1.3, octaves=3, rng=rng, gain=0.7)
     patch = fractal_noise(x, y, wavelength=7.0, octaves=4, rng=rng, gain=0.6)
-    conifers, broad = (_crown_share(builder, (x, y), cell, species) for species in (CONIFERS, BROADLEAVES))
+    needles = [name for name in config.species if TREES[name].grown.leaf.prongs]  # sprays of needles
+    broadleaves = [name for name in config.species if name not in needles]
+    conifers, broad = (_crown_share(builder, (x, y), cell, species) for species in (needles, broadleaves))
     leaves = np.clip(0.5 + 0.55 * (broad - conifers) + 0.22 * patch, 0.05, 0.95)
     moss = np.clip(0.25 * patch + 0.3 * fine - 0.18 * glades.at(px, py) - 0.12, 0.0, 0.9) * (distance > 0.2)
     soil = np.clip(0.22 - 0.25 * patch + 0.2 * fine, 0.0, 0.5)
@@ -542,7 +542,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
         return (distance_beyond(config.size, x, y) > FAR_TREES - 1.0).astype(np.intp)
 
     backdrop = make_backdrop(builder.field, config.size, ("needles", "canopy"), land, land=hills, cover=behind_trees)
-    terrain = with_layer(cover_ground(builder, glades, cover), layer)
+    terrain = with_layer(cover_ground(builder, config, glades, cover), layer)
     far = scatter_far_trees(builder, config, backdrop, growth, land)
     return assemble(
         builder,

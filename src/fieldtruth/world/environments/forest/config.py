@@ -1,15 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout and corridors of the forest."""
+"""Layout of the forest."""
 
 from collections.abc import Mapping
-from typing import Final
 
 from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Boolean, Positive
-from fieldtruth.world.environments.layout import PLANTINGS, Count, Density, GroundConfig, Individuals, Share, Trails
+from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals, Share, Trails
 from fieldtruth.world.plants import TREES
 
 
@@ -58,7 +57,3 @@ class Config(GroundConfig):
         if not sum(species.values()) > 0:
             raise ValueError(f"at least one share must be above 0. Available: {', '.join(sorted(TREES))}")
         return species
-
-
-CORRIDORS: Final = PLANTINGS["forest"].corridors
-"""Corners x, y [m] of the lines that stay free of obstacles in every layout."""

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout and corridors of the hillside."""
+"""Layout of the hillside."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
 from pydantic import Field
 
 from fieldtruth.experiment.fields import Boolean, Number
-from fieldtruth.world.environments.layout import PLANTINGS, Count, Density, GroundConfig, Individuals
+from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals
 
 
 class Config(GroundConfig):
@@ -35,7 +35,3 @@ class Config(GroundConfig):
     grass: Density = 7.0  # tufts per m^2 at most
     individuals: Individuals = 3  # of each species and size
     beyond: Boolean = True  # land, plants and rocks beyond the edge
-
-
-CORRIDORS: Final = PLANTINGS["hillside"].corridors
-"""Corners x, y [m] of the lines that stay free of obstacles in every layout."""

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout and corridors of the lake's shore."""
+"""Layout of the lake's shore."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
 from pydantic import Field
 
 from fieldtruth.experiment.fields import Boolean, Number
-from fieldtruth.world.environments.layout import PLANTINGS, Count, GroundConfig, Individuals, ShoreCount
+from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, ShoreCount
 
 
 class Config(GroundConfig):
@@ -31,7 +31,3 @@ class Config(GroundConfig):
     individuals: Individuals = 3  # of each species
     grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to the default
     beyond: Boolean = True  # land, water, wires and plants beyond the edge
-
-
-CORRIDORS: Final = PLANTINGS["lake"].corridors
-"""Corners x, y [m] of the lines that stay free of obstacles in every layout."""

@@ -24,7 +24,6 @@ EAVES, ROOF = 4.0, 10.5
 """Mean height [m] of a wood's canopy at its rim, where trees hide it, and inside."""
 NEAR: Final = 20.0
 """Distance [m] from the edge within which trees have more detail, because single leaves are visible."""
-SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
 
@@ -82,10 +81,7 @@ def make_surroundings(
         backdrop = merge_meshes("backdrop", [backdrop, *ribbons], footprint=backdrop.footprint)
     if share == 0:
         return backdrop, []
-    near, far = (
-        [planter.individual(group, species, k, rng) for k, species in enumerate(SPECIES_BEYOND)]
-        for group in ("near_tree", "far_tree")
-    )
+    near, far = (planter.grow(group, rng) for group in ("near_tree", "far_tree"))
     avenues = _avenues(lines, share, rng)
     outside = distance_beyond(size, *avenues.T)
     return backdrop, [

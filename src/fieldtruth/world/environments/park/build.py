@@ -8,7 +8,7 @@ an edge of stones, planted with bushes of one species.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -285,39 +285,27 @@ def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float
 
 def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
     """Add benches and lamps along the trails, bins beside benches, tables on the lawn."""
-    lamps = ObjectGroup(
-        kind="lamp_post", meshes=[make_furniture("lamp_post_0")], count=config.lamp_posts, spacing=9.0, tint=0.03
-    )
-    builder.along_trails(lamps, rng, offset=0.45)
-    benches = ObjectGroup(
-        kind="bench",
-        meshes=[make_furniture(f"bench_{k}") for k in range(3)],
-        count=config.benches,
-        spacing=6.0,
-        tint=0.08,
-    )
-    seats = builder.along_trails(benches, rng, offset=0.95)
-    _place_bins(builder, config.trash_bins, seats, rng)
+
+    def pieces(kind: str, variants: int, count: int, spacing: float, tint: float) -> ObjectGroup:
+        meshes = [make_furniture(f"{kind}_{k}") for k in range(variants)]
+        return ObjectGroup(kind=kind, meshes=meshes, count=count, spacing=spacing, tint=tint)
 
     def on_lawn(xy: Array) -> Mask:
         return np.abs(builder.trail_distance(xy) - 4.5) < 2.5
 
-    tables = ObjectGroup(
-        kind="table",
-        meshes=[make_furniture(f"table_{k}") for k in range(2)],
-        count=config.tables,
-        spacing=5.0,
-        tint=0.08,
-    )
-    builder.scatter(tables, rng, on_lawn)
+    builder.along_trails(pieces("lamp_post", 1, config.lamp_posts, 9.0, 0.03), rng, offset=0.45)
+    seats = builder.along_trails(pieces("bench", 3, config.benches, 6.0, 0.08), rng, offset=0.95)
+    _place_bins(builder, pieces("trash_bin", 2, config.trash_bins, 5.0, 0.06), seats, rng)
+    builder.scatter(pieces("table", 2, config.tables, 5.0, 0.08), rng, on_lawn)
 
 
-def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], rng: np.random.Generator) -> None:
+def _place_bins(
+    builder: WorldBuilder, bins: ObjectGroup, benches: Sequence[Instance], rng: np.random.Generator
+) -> None:
     """Add at most one bin beside each bench, the rest along the trails.
 
     Draws the order of the benches at first, then the tint of each placed bin.
     """
-    bins = [make_furniture(f"trash_bin_{k}") for k in range(2)]
     candidates = []
     for row in rng.permutation(len(benches)):
         pose = benches[row].world_from_object
@@ -328,16 +316,15 @@ def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], 
 
     def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
         x, y, yaw, row = candidate
-        mesh = bins[number % len(bins)]
+        mesh = bins.mesh(number)
         if row in served or not builder.is_free((x, y), mesh.footprint):
             return None
         served.add(row)
-        return builder.add_upright("trash_bin", mesh, (x, y), yaw=float(yaw), tint=random_tint(rng, 0.06))
+        return builder.add_upright(bins.kind, mesh, (x, y), yaw=float(yaw), tint=random_tint(rng, bins.tint))
 
-    placed = len(place_until_count(count, candidates, attempt))
-    if placed < count:
-        rest = ObjectGroup(kind="trash_bin", meshes=bins, count=count - placed, spacing=5.0, tint=0.06)
-        builder.along_trails(rest, rng, offset=0.6)
+    placed = len(place_until_count(bins.count, candidates, attempt))
+    if placed < bins.count:
+        builder.along_trails(replace(bins, count=bins.count - placed), rng, offset=0.6)
 
 
 ALIKE: Final = 14.0

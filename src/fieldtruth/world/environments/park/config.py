@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout and corridors of the park."""
+"""Layout of the park."""
 
 from typing import Annotated, Final
 
 from pydantic import Field, field_validator
 
 from fieldtruth.experiment.fields import Boolean, Number, Positive
-from fieldtruth.world.environments.layout import PLANTINGS, Count, GroundConfig, Individuals, Share, Trails
+from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, Share, Trails
 
 PLANTED_BEYOND: Final = 0.7
 
@@ -41,7 +41,3 @@ class Config(GroundConfig):
     @classmethod
     def _with_land(cls, beyond: float | bool) -> float | bool:
         return PLANTED_BEYOND if beyond is True else beyond
-
-
-CORRIDORS: Final = PLANTINGS["park"].corridors
-"""Corners x, y [m] of the lines that stay free of obstacles in every layout."""

@@ -26,19 +26,13 @@ from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
-from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
-from fieldtruth.gazebo.robot.parts import cloud_topic, observers, robot_words
-from fieldtruth.gazebo.templates import render, write
+from fieldtruth.gazebo.files import render, write
+from fieldtruth.gazebo.robot import Flavour, cloud_topic, observers, robot_words
 from fieldtruth.world.model import World
 
 _CONFIG: Final = (
     "start: pose of base_link in the world [m, rad]; waypoints: latitude, longitude [deg]; the rest in SI units"
 )
-_DEFAULTS: Final = {name: str(value).lower() for name, value in ARGUMENTS.items()} | {
-    "gui": "true",
-    "rviz": "false",
-    "record": "",
-}
 
 
 def rviz_configuration(rig: Rig, ros: int) -> str:
@@ -120,7 +114,7 @@ def write_ros_package(
     for name, config in configs.items():
         write(folder / "config" / f"{name}.yaml", _yaml(config, _CONFIG))
         if ros == 1:
-            text = render("ros", "experiment.launch.jinja", name=name, arguments=_DEFAULTS, **values | config)
+            text = render("ros", "experiment.launch.jinja", name=name, **values | config)
             write(folder / "launch" / f"{name}.launch", text)
     _write_shared_config(folder, world, rig, _again(chosen[0], world, rig, ros))
     if ros == 2:
@@ -135,8 +129,8 @@ def _write_shared_config(folder: Path, world: World, rig: Rig, again: Experiment
         write(folder / "config" / "layout.yaml", _yaml(layout, f"Changes to the layout of {world.name}."))
     if rig != Rig():
         write(folder / "config" / "experiment.yaml", dump_experiment(again))
-    cameras = {imager.topic_of("camera_info"): _calibration(imager) for imager in rig.imagers}
-    write(folder / "config" / "cameras.yaml", _yaml(cameras, "Calibration of the cameras, as in CameraInfo."))
+    calibrations = {imager.topic_of("camera_info"): _calibration(imager) for imager in rig.imagers}
+    write(folder / "config" / "cameras.yaml", _yaml(calibrations, "Calibration of the cameras, as in CameraInfo."))
 
 
 def _check_steering(rig: Rig) -> None:
@@ -163,11 +157,11 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "rig": rig,
         "robot": robot_words(rig.robot),
         "scanners": rig.enabled(ScanningConfig),
-        "imu": rig.first(Inertial),
+        "inertial": rig.first(Inertial),
         "receiver": rig.first(Fix),
         "other": rig != Rig(),
         "observers": observers(rig),
-        "lenses": [camera.projection for camera in rig.enabled(ImagingConfig)],
+        "lenses": [each.projection for each in rig.enabled(ImagingConfig)],
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
@@ -186,13 +180,13 @@ def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
     roll, pitch, yaw = Rotation.from_quat(xyzw_from_wxyz(quaternion)).as_euler("xyz").tolist()
     pose = (*position.tolist(), roll, pitch, yaw)
     names = ("x", "y", "z", "roll", "pitch", "yaw")
-    base_from_imu = Rotation.from_matrix(rig.first(Inertial).mount.base_from_sensor[:3, :3]).as_quat(canonical=True)
+    base_from_sensor = Rotation.from_matrix(rig.first(Inertial).mount.base_from_sensor[:3, :3]).as_quat(canonical=True)
     return {
         "experiment": experiment.name,
         "start": {name: round(value, 6) for name, value in zip(names, pose, strict=True)},
         **control.model_dump(),
         "origin": [geodesy.ORIGIN_LATITUDE, geodesy.ORIGIN_LONGITUDE],
-        "base_from_imu": np.round(base_from_imu, 15).tolist(),
+        "base_from_sensor": np.round(base_from_sensor, 15).tolist(),
         "waypoints": [list(waypoint) for waypoint in route.waypoints],
     }
 

@@ -13,13 +13,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from fieldtruth.core.files import write_atomically
 
 
-def render(package: str, template: str, **values: Any) -> str:
-    """Return the text of a template of ``package``, a sub-package of fieldtruth.gazebo; XML is escaped.
+def render(folder: str, template: str, **values: Any) -> str:
+    """Return the text of a template in a folder of ``templates``; XML is escaped.
 
     Templates have the filters ``number`` for one number and ``numbers`` for a list of them, both without loss.
     """
     environment = Environment(
-        loader=PackageLoader(f"fieldtruth.gazebo.{package}", "templates"),
+        loader=PackageLoader("fieldtruth.gazebo", f"templates/{folder}"),
         autoescape=lambda name: name is not None and _is_xml(name),
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -1,12 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Layout of a preview sheet: title, aerial view, camera images with labels, cloud, class shares.
+"""A sheet about an environment: aerial view with routes, camera images with labels, labelled cloud, class shares."""
 
-Over the aerial view lie routes, waypoints and starts (paper, Figures 8 to 11), viewpoints, scale and north.
-"""
-
-from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,11 +14,20 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, SemanticClass
+from fieldtruth.core import readings, transforms
+from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.classes import CLASSES, PALETTE, SemanticClass
+from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.readings import Image
+from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
+from fieldtruth.drive.traversability import Traversability
+from fieldtruth.experiment.config import metres_from_route
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager
-from fieldtruth.report.drawing.cloud import draw_cloud, looking
-from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
+from fieldtruth.render.bake import bake
+from fieldtruth.report.drawing.cloud import Cloud, draw_cloud, looking
+from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, render_aerial, sector
 from fieldtruth.report.drawing.style import (
     FONT,
     HAIRLINE,
@@ -33,17 +40,189 @@ from fieldtruth.report.drawing.style import (
     class_colour,
     percent,
 )
-from fieldtruth.report.preview.content import Route, SheetContent, View
-from fieldtruth.report.shares import ClassShares
-from fieldtruth.sensors.camera.labels import tag_image
+from fieldtruth.report.shares import SPACING, ClassShares, count_classes
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld, standing
+from fieldtruth.sensors.known import new_sensors
+from fieldtruth.world.build import load_world
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 
+APART: Final = 12.0
+"""Preferred distance [m] between two viewpoints."""
+_CLEARANCE: Final = 1.0  # [m] around the robot
+_INSET: Final = 0.16  # share of the world's sides
+VIEWS: Final = 4
+SCANS: Final = 240
+"""Maximum number of scans in the cloud, evenly spread over the sample."""
+FREE_VIEWPOINTS: Final = 40
+"""Size of the sample in an environment without experiments."""
 WAYPOINT_RADIUS: Final = 3.0
 """Radius [m] of the circles (paper, section 3)."""
 _ARROW_SPACING: Final = 24.0  # [m]
 _SCALE: Final = 10.0  # [m]
 _FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
+_NAME: Final = 1.52  # [inch] for swatch and name
+_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
+_BAR: Final = 0.092  # [inch]
+_SHEET: Final = 12.0  # [inch], like all lengths below
+_EDGE: Final = 0.45
+_INNER: Final = _SHEET - 2 * _EDGE
+_MAP_TOP: Final = 1.5
+_GAP: Final = 0.12
+_HEADING: Final = 0.56
+_CLOUD: Final = (6.75, 4.35)
+_FOV_DEG: Final = 44.0
+_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
+_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
+WIDTH: Final = 2400
+"""Default width [pixel]."""
+WIDTH_IN_DOCUMENTS: Final = 1400
+"""Width [pixel] at which the sheet is still sharp as a JPEG below 400 kB."""
+
+
+def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
+    """Rows of the ``count`` viewpoints whose images together show most, in ascending order.
+
+    Greedy: each step takes the viewpoint that adds most to the sum, over the classes, of the square root of their
+    accumulated share. So rare classes count, and a second similar image adds little.
+
+    Args:
+        pixels: (n, classes) pixel counts of each viewpoint's image.
+        positions: (n, 2) [m]; the chosen ones are ``APART`` where possible.
+        count: number of rows; fewer if there are fewer viewpoints.
+    """
+    share = pixels / np.maximum(pixels.sum(axis=1, keepdims=True), 1)
+    chosen: list[int] = []
+    while len(chosen) < min(count, len(pixels)):
+        gain = np.sqrt(share[chosen].sum(axis=0) + share).sum(axis=1)
+        to_chosen = np.linalg.norm(positions[:, None] - positions[chosen], axis=2).min(axis=1, initial=APART)
+        gain += 10.0 * to_chosen / APART
+        gain[chosen] = -1.0
+        chosen.append(int(np.argmax(gain)))
+    return sorted(chosen)
+
+
+def free_viewpoints(world: World, rig: Rig) -> Array:
+    """Random viewpoints (n, 3), x, y [m] and heading [rad], where the robot could stand, facing the middle.
+
+    There are fewer than ``FREE_VIEWPOINTS`` if 200 draws for each are not enough.
+    """
+    count, rng, sides = FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]), np.array(world.size)
+    xy = rng.uniform(-0.5 + _INSET, 0.5 - _INSET, (200 * count, 2)) * sides
+    xy = xy[Traversability(world, rig).clearance_at(xy) > _CLEARANCE][:count]
+    target = rng.uniform(-0.2, 0.2, (len(xy), 2)) * sides
+    return np.column_stack([xy, np.arctan2(target[:, 1] - xy[:, 1], target[:, 0] - xy[:, 0])])
+
+
+class Route(NamedTuple):
+    """An experiment's waypoints and expected path, x, y [m], starting with the start."""
+
+    name: str
+    waypoints: Array  # (1 + n, 2)
+    path: Array  # (m, 2)
+
+
+class View(NamedTuple):
+    """Images of a sheet at a viewpoint: x, y [m] and heading [rad]."""
+
+    viewpoint: Array  # (3,)
+    photo: NDArray[np.uint8]
+    label: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SheetContent:
+    """Content of a sheet. ``viewpoints`` (n, 3), x, y [m] and heading [rad], are those of the class shares."""
+
+    world: World
+    routes: tuple[Route, ...]
+    viewpoints: Array
+    shares: ClassShares
+    aerial: Aerial
+    imager: Imager | None
+    """The first view of the rig, that of ``views``; None for a rig without images."""
+    views: tuple[View, ...]
+    cloud: Cloud
+
+
+def collect_content(
+    world: World,
+    *,
+    aerial_width: int,
+    rig: Rig | None = None,
+    spacing: float = SPACING,
+    workers: int,
+    progress: Progress,
+) -> SheetContent:
+    """Render and scan a world from above, along the routes of its experiments, and from the four best viewpoints.
+
+    Args:
+        world: the world; its name is the environment's.
+        aerial_width: of the aerial view [pixel].
+        rig: the sensors; None takes the paper's.
+        spacing: distance [m] along the path between viewpoints of the sample.
+        workers: threads.
+        progress: receives the stages of the work.
+    """
+    rig, experiments = Rig() if rig is None else rig, experiments_in(world.name)
+    with progress.stage("prepare the scene"):
+        scene = Scene(world)
+        baked = bake(scene, workers=workers)
+        ideal = rig.with_each(lambda each: {"signal": None, "clock": None})
+        sensors = new_sensors(SensorWorld(world, ideal, baked=baked))
+    paths = [expected_path(experiment, world) for experiment in experiments]
+    routes = tuple(
+        Route(each.name, metres_from_route(each.route), path[:, :2])
+        for each, path in zip(experiments, paths, strict=True)
+    )
+    along = [poses_along(path, spacing) for path in paths]
+    viewpoints = np.concatenate(along) if along else free_viewpoints(world, rig)
+    poses = [pose_on_ground(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
+    with progress.stage("count classes"):
+        shares = count_classes(scene, rig, poses, workers=workers)
+    with progress.stage("render images"):
+        aerial = render_aerial(baked, aerial_width)
+        views = _views(sensors, poses, viewpoints, shares)
+    with progress.stage("scan"):
+        cloud = _scan(world, sensors, poses[:: max(1, -(-len(poses) // SCANS))])
+    return SheetContent(
+        world=world,
+        routes=routes,
+        viewpoints=viewpoints,
+        shares=shares,
+        aerial=aerial,
+        imager=next(iter(rig.imagers), None),
+        views=views,
+        cloud=cloud,
+    )
+
+
+def _views(
+    sensors: Mapping[str, Sensor], poses: Sequence[Array], viewpoints: Array, shares: ClassShares
+) -> tuple[View, ...]:
+    """Images of the first view, from where it sees most."""
+    eye = next((sensor for sensor in sensors.values() if issubclass(sensor.config.gives, Image)), None)
+    if eye is None:
+        return ()
+    output = eye.config.outputs()[0]
+    rows = most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
+    found = (eye.read(output, At(row, 0, 0, standing(poses[row]))) for row in rows)
+    return tuple(View(viewpoints[row], each.photo, each.label) for row, each in zip(rows, found, strict=True))
+
+
+def _scan(world: World, sensors: Mapping[str, Sensor], poses: Sequence[Array]) -> Cloud:
+    """Points inside the edges of the world, from a cloud of each sensor at each pose world_from_base (4, 4)."""
+    scanners = [sensor for sensor in sensors.values() if issubclass(sensor.config.gives, readings.Cloud)]
+    xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
+    for number, pose in enumerate(poses):
+        for sensor in scanners:
+            scan = sensor.read(sensor.config.outputs()[0], At(number, 0, 0, standing(pose)))
+            points = transforms.transform(pose @ sensor.config.base_from_frames()[scan.frame], scan.xyz)
+            inside = (np.abs(points[:, :2]) < np.array(world.size) / 2).all(axis=1)
+            xyz.append(points[inside])
+            label.append(scan.label[inside])
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners))
 
 
 def draw_map(axes: Axes, content: SheetContent) -> None:
@@ -59,8 +238,8 @@ def draw_map(axes: Axes, content: SheetContent) -> None:
         _draw_arrows(axes, line, route.path, colour)
         _draw_start(axes, line[0], route, colour, aerial)
     for number, view in enumerate(content.views, 1):
-        assert content.camera is not None
-        _draw_viewpoint(axes, aerial, view, number, content.camera)
+        assert content.imager is not None
+        _draw_viewpoint(axes, aerial, view, number, content.imager)
     _draw_scale_and_north(axes, aerial)
 
 
@@ -105,10 +284,10 @@ def _draw_start(axes: Axes, start: Array, route: Route, colour: str, aerial: Aer
     _write(axes, column, row, route.name, 7.6, color=INK, bbox=plate, zorder=6)
 
 
-def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, camera: Imager) -> None:
+def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, imager: Imager) -> None:
     x, y, heading = view.viewpoint
-    seen = np.array([x, y, heading + heading_of(camera)])
-    fov = np.radians(camera.config.horizontal_fov_deg)
+    seen = np.array([x, y, heading + heading_of(imager.base_from_optical)])
+    fov = np.radians(imager.config.horizontal_fov_deg)
     outline = aerial.ground_pixels(sector(seen, _FIELD_OF_VIEW, fov))
     axes.fill(*outline.T, facecolor="white", alpha=0.45, linewidth=0.0, zorder=3)
     badge(axes, outline[0, 0], outline[0, 1], number)
@@ -180,11 +359,6 @@ class Paper:
         return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
 
 
-_NAME: Final = 1.52  # [inch] for swatch and name
-_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
-_BAR: Final = 0.092  # [inch]
-
-
 def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, width: float, height: float) -> None:
     """Fill a box with a row for each class that occurs."""
     rows = list(occurring_classes(shares))
@@ -209,18 +383,6 @@ def occurring_classes(shares: ClassShares) -> Iterator[tuple[SemanticClass, floa
             yield row, float(pixels), float(points)
 
 
-WIDTH: Final = 12.0  # [inch], like all lengths below
-_EDGE: Final = 0.45
-_INNER: Final = WIDTH - 2 * _EDGE
-_MAP_TOP: Final = 1.5
-_GAP: Final = 0.12
-_HEADING: Final = 0.56
-_CLOUD: Final = (6.75, 4.35)
-_FOV_DEG: Final = 44.0
-_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
-_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
-
-
 def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     """Draw the sheet ``pixels`` wide, (h, w, 3)."""
     high, wide = content.aerial.photo.shape[:2]
@@ -229,16 +391,16 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     view_height = column * 9 / 16
     views_top = _MAP_TOP + aerial + _HEADING
     cloud_top = views_top + 2 * view_height + 0.05 + _HEADING
-    paper = Paper(WIDTH, cloud_top + _CLOUD[1] + _EDGE, pixels)
+    paper = Paper(_SHEET, cloud_top + _CLOUD[1] + _EDGE, pixels)
     _write_title(paper, content.world)
     paper.heading(_EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
     draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content)
     paper.heading(_EDGE, views_top, "Camera views", _views_caption(content))
     for number, view in enumerate(content.views, 1):
-        left, photo = _EDGE + (number - 1) * (column + _GAP), view.images.photo
+        left, photo = _EDGE + (number - 1) * (column + _GAP), view.photo
         axes = paper.image_at(photo, left, views_top, column, view_height)
         badge(axes, 0.058 * photo.shape[1], 0.1 * photo.shape[0], number)
-        paper.image_at(tag_image(view.images.label), left, views_top + view_height + 0.05, column, view_height)
+        paper.image_at(PALETTE[view.label], left, views_top + view_height + 0.05, column, view_height)
     points = f"{len(content.cloud.label):,}".replace(",", " ")
     paper.heading(_EDGE, cloud_top, "Labelled cloud", f"{content.cloud.scans} scans, {points} points")
     paper.image_at(_cloud_image(content, pixels), _EDGE, cloud_top, *_CLOUD)
@@ -252,7 +414,7 @@ def _write_title(paper: Paper, world: World) -> None:
     paper.text(_EDGE, 0.88, f"{name}: {rest}" if rest else name, 9.2, color=MUTED)
     triangles = sum(len(world.meshes[i.mesh].faces) for i in world.instances) / 1e6
     size = f"{world.size[0]:.0f} m x {world.size[1]:.0f} m"
-    right = WIDTH - _EDGE
+    right = _SHEET - _EDGE
     paper.text(right, 0.6, f"seed {world.seed}   ·   {size}   ·   {len(world.instances)} objects", 9.2, ha="right")
     paper.text(right, 0.88, f"{triangles:.1f} million triangles in objects", 9.2, ha="right", color=MUTED)
 
@@ -265,9 +427,9 @@ def _map_caption(content: SheetContent) -> str:
 
 
 def _views_caption(content: SheetContent) -> str:
-    if content.camera is None:
+    if content.imager is None:
         return "the rig has no camera"
-    return f"{content.camera.name} camera: photograph and class of each pixel"
+    return f"{content.imager.name} camera: photograph and class of each pixel"
 
 
 def _cloud_image(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
@@ -275,7 +437,7 @@ def _cloud_image(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     field, (length, breadth) = content.world.terrain.field, content.world.size
     corners = [(i * length, j * breadth) for i in (-0.5, 0.5) for j in (-0.5, 0.5)]
     x, y = min(corners, key=lambda corner: float(field.height_at(*corner)))
-    width, height = (round(side * pixels / WIDTH) for side in _CLOUD)
+    width, height = (round(side * pixels / _SHEET) for side in _CLOUD)
     towards = (-0.5 * x, -2.0 * y, -_DESCENT * length)
     pose = view_of(content.cloud.xyz[::31], towards, fov_deg=_FOV_DEG, aspect=width / height)
     return draw_cloud(content.cloud, pose, width=width, height=height, fov_deg=_FOV_DEG)
@@ -315,4 +477,42 @@ def _draw_chart(paper: Paper, content: SheetContent, top: float) -> None:
     for k, (name, colour) in enumerate((("pixels", PIXELS), ("points", POINTS))):
         paper.box(left + 1.52 + 0.72 * k, top + 0.035, 0.13, 0.1, colour)
         paper.text(left + 1.71 + 0.72 * k, top + 0.122, name, 7.4)
-    draw_shares(paper, content.shares, left, top + 0.26, WIDTH - _EDGE - left, _CLOUD[1] - 0.26)
+    draw_shares(paper, content.shares, left, top + 0.26, _SHEET - _EDGE - left, _CLOUD[1] - 0.26)
+
+
+def preview(
+    environment: str,
+    seed: int = 0,
+    *,
+    layout: Mapping[str, Any] | None = None,
+    width: int = WIDTH,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> NDArray[np.uint8]:
+    """Draw a sheet about an environment, an image (h, w, 3) in sRGB.
+
+    It shows the world from above with the routes of its built-in experiments (paper, Figures 8 to 11), four camera
+    images with their labels (Figures 13 to 20), a labelled cloud along the routes (Figure 12), and the class shares of
+    pixels and points (Figure 21). For an environment without experiments the viewpoints are random free positions.
+
+    Args:
+        environment: a name from ``list_environments``.
+        seed: of the world.
+        layout: changes to the environment's layout.
+        width: of the sheet [pixel]; the height is about 1.3 times the width.
+        workers: threads; None takes every available core. The sheet does not depend on it.
+        progress: receives the stages of the work.
+
+    Raises:
+        UnknownNameError: the environment does not exist; lists those that do.
+    """
+    workers = cpu_count() if workers is None else workers
+    progress = Silent() if progress is None else progress
+    with progress.stage("build the world"):
+        world = load_world(environment, seed, layout)
+    content = collect_content(world, aerial_width=width, workers=workers, progress=progress)
+    with progress.stage("lay out the sheet"):
+        return draw_sheet(content, width)
+
+
+__all__ = ["WIDTH", "WIDTH_IN_DOCUMENTS", "preview"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot for Gazebo: frames, poses of sensors, rays, masses, contact of the tyres, and shapes.
+"""The robot with the sensors of a rig: models for Gazebo and a description for ROS, written from our own numbers.
 
 Frames, rays and masses are those of the rig and of the physics.
 
@@ -13,45 +13,114 @@ for cameras that look past chassis and wheels and beams that pass over them, as 
 """
 
 import math
+import sys
 import warnings
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import transforms
+from fieldtruth.bag import topics
+from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
-from fieldtruth.drive.physics import body_boxes
+from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Box, Rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
+from fieldtruth.gazebo.files import render, write
 from fieldtruth.report.card import robot_title
 
+Flavour = Literal["classic", "gz"]
+"""Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
 STIFFNESS: Final = 1e7  # [N/m]
 DAMPING: Final = 1.0  # [N s/m]
 MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
 MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
-GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
-GNSS_INERTIA: Final = 1e-6  # [kg m^2]
+ANTENNA_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
+ANTENNA_INERTIA: Final = 1e-6  # [kg m^2]
 _HELD: Final = (Cloud, Image, Inertial, Fix)
 """Types of readings that Gazebo's sensors have."""
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
-_CAMERA: Final = (0.04, 0.04, 0.04)  # [m] along x, y, z
+_SINGLE: Final = (0.04, 0.04, 0.04)  # [m] along x, y, z
 _ANTENNA: Final = (0.045, 0.02)  # [m] radius, height
 _POLE: Final = 0.015  # [m] radius
-_NAMES: Final = {"lidar": "os1", "stereo": "zed2", "gnss": "antenna"}
-"""Of the housings of the paper's sensors, by the sensors' names."""
 NEAR: Final = 0.1  # [m] from a camera, below which it sees nothing
 YELLOW: Final = (0.8, 0.6, 0.05)
 BLACK: Final = (0.12, 0.12, 0.12)
+
+
+def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
+    """Write the robot into ``folder``, the root of a package of one flavour.
+
+    - ``models/husky/model.sdf`` and ``model.config``: the model for Gazebo without ROS (classic), or for the newer
+      Gazebo (gz). Gazebo 11 drives it by messages of type ``gazebo.msgs.Pose`` on ``~/husky/vel_cmd``: x is the speed
+      [m/s], the yaw of the orientation the turn rate [rad/s], positive to the left. There the attitude of the IMU is
+      relative to that at the start, and the wheels' radius is half the edge of their bounding box, by which the robot
+      is up to 4 % slower when it starts at a few degrees from an axis of the world; with ROS neither is so.
+    - ``urdf/husky.urdf.xacro`` and ``urdf/husky.urdf``, which is the same with the default arguments: the description
+      for ROS, with the plugins of gazebo_ros. The newer Gazebo uses its frames only.
+
+    Raises:
+        ConfigurationError: a sensor that Gazebo does not have, see ``check_rig``.
+    """
+    check_rig(rig)
+    values = _values(rig, flavour)
+    sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
+    version = "1.9" if flavour == "gz" else "1.7"
+    words = {"robot": values["robot"], "sensors": _sensors(rig)}
+    config = render("robot", "model.config.xml.jinja", version=version, **words)
+    write(folder / "models" / "husky" / "model.sdf", sdf)
+    write(folder / "models" / "husky" / "model.config", config)
+    for name, xacro in (("husky.urdf.xacro", True), ("husky.urdf", False)):
+        write(folder / "urdf" / name, render("robot", "husky.urdf.jinja", xacro=xacro, **values))
+
+
+def _sensors(rig: Rig) -> str:
+    """Name the kinds of sensors of a rig: ``LiDAR, stereo camera and IMU``."""
+    imaging = sorted(rig.enabled(ImagingConfig), key=lambda each: -len(each.imagers()))
+    found = (*rig.enabled(ScanningConfig), *imaging, *rig.giving(Inertial), *rig.giving(Fix))
+    *rest, last = dict.fromkeys(sensor.noun for sensor in found) or ["none"]
+    return f"{', '.join(rest)} and {last}" if rest else last
+
+
+def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
+    mounts = rig.mounts()
+    track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
+    return {
+        "rig": rig,
+        "robot": robot_words(rig.robot),
+        "topics": topics,
+        "geodesy": geodesy,
+        "parts": sys.modules[__name__],
+        "friction": FRICTION,
+        "frames": fixed_frames(rig),
+        "scanners": rig.enabled(ScanningConfig),
+        "inertial_sensors": rig.giving(Inertial),
+        "receivers": rig.giving(Fix),
+        "antennas": {receiver.frame for receiver in rig.giving(Fix)},
+        "own": [text for each in rig.in_order() if (text := each.gazebo(flavour))],
+        "shapes": body_shapes(rig),
+        "tread": wheel_shape(rig),
+        "near": NEAR,
+        "yellow": YELLOW,
+        "black": BLACK,
+        "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
+        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
+        "chassis_mass": rig.robot.chassis_mass,
+        "inertia": chassis_inertia(rig.robot),
+        "track": track,
+        "anchor": track / 2 - rig.wheels.half_track,
+        "wheel_inertia": wheel_inertia(rig.robot),
+    }
 
 
 class Frame(NamedTuple):
@@ -95,7 +164,7 @@ def fixed_frames(rig: Rig) -> tuple[Frame, ...]:
     return tuple(table)
 
 
-def camera_pose(imager: Imager) -> tuple[float, ...]:
+def view_pose(imager: Imager) -> tuple[float, ...]:
     """Pose in base_link (x, y, z [m], roll, pitch, yaw [rad]) of a camera whose x axis looks ahead, as Gazebo's do."""
     if np.array_equal(imager.frame_from_optical, OPTICAL):
         return mount_pose(imager.mount)
@@ -138,8 +207,8 @@ def check_rig(rig: Rig) -> None:
     """
     if rig.robot.drive != "skid_steer":
         raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
-    for sensor in rig.sensors:
-        if sensor.enabled and not issubclass(sensor.gives, _HELD) and not sensor.needs_wheels:
+    for sensor in rig.in_order():
+        if not (issubclass(sensor.gives, _HELD) or sensor.needs_wheels or sensor.gazebo("gz")):
             raise ConfigurationError(
                 f"rig.sensors: {sensor.name} is of kind {sensor.kind}, which a Gazebo package cannot hold; "
                 "give enabled: false"
@@ -152,16 +221,16 @@ def check_rig(rig: Rig) -> None:
             if isinstance(value, str):
                 what, why = f"the {key} {value}", "Gazebo's scanner turns evenly"
             raise ConfigurationError(f"rig.sensors: {scanner.name} has {what}; {why}; give enabled: false")
-    for camera in rig.enabled(ImagingConfig):
-        if camera.lens != LensConfig():
-            changed = [key for key, value in LensConfig() if getattr(camera.lens, key) != value]
+    for imaging in rig.enabled(ImagingConfig):
+        if imaging.lens != LensConfig():
+            changed = [key for key, value in LensConfig() if getattr(imaging.lens, key) != value]
             own = (
                 f"a lens with {', '.join(changed)}"
-                if camera.lens.model == "pinhole"
-                else f"the lens {camera.lens.model}"
+                if imaging.lens.model == "pinhole"
+                else f"the lens {imaging.lens.model}"
             )
             raise ConfigurationError(
-                f"rig.sensors: {camera.name} has {own}; a Gazebo package has plain pinhole cameras only; "
+                f"rig.sensors: {imaging.name} has {own}; a Gazebo package has plain pinhole cameras only; "
                 "give enabled: false"
             )
 
@@ -222,8 +291,8 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     shapes = [_chassis(rig)]
     if "mast" in boxes and (mast := _mast(rig, boxes["mast"], float(chassis.size[2]))):
         shapes.append(mast)
-    housings = [*_lidar_housings(rig, chassis), *_camera_housings(rig)]
-    housings += [(each, _cylinder(_name(each), _ANTENNA, each.mount)) for each in rig.giving(Fix)]
+    housings = [*_scanner_housings(rig, chassis), *_view_housings(rig)]
+    housings += [(each, _cylinder(f"{each.name}_housing", _ANTENNA, each.mount)) for each in rig.giving(Fix)]
     return (*shapes, *(shape for owner, shape in housings if not _observers(rig, shape, owner)))
 
 
@@ -245,34 +314,29 @@ def _chassis(rig: Rig) -> Shape:
     return Shape("chassis", tuple(box.size.tolist()), tuple(box.centre.tolist()), YELLOW, solid=True)
 
 
-def _name(sensor: SensorConfig) -> str:
-    return _NAMES.get(sensor.name, f"{sensor.name}_housing")
-
-
-def _lidar_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
+def _scanner_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """LiDARs with the poles on which they stand, which end below the cameras."""
     top = float(chassis.size[2])
     heights = [imager.mount.xyz[2] for imager in rig.imagers]
-    for lidar in rig.enabled(ScanningConfig):
-        x, y, z = lidar.mount.xyz
+    for scanner in rig.enabled(ScanningConfig):
+        x, y, z = scanner.mount.xyz
         low = min(z, *heights) - _OS1[1] / 2
         if low > top and (np.abs((x, y)) < chassis.size[:2] / 2).all():
-            name = "pole" if _name(lidar) == "os1" else f"{lidar.name}_pole"
-            yield None, Shape(name, (_POLE, low - top), (x, y, (low + top) / 2))
-        yield lidar, _cylinder(_name(lidar), _OS1, lidar.mount)
+            yield None, Shape(f"{scanner.name}_pole", (_POLE, low - top), (x, y, (low + top) / 2))
+        yield scanner, _cylinder(f"{scanner.name}_housing", _OS1, scanner.mount)
 
 
-def _camera_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
+def _view_housings(rig: Rig) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """Boxes behind the centres of the lenses."""
-    for camera in rig.enabled(ImagingConfig):
-        imagers = camera.imagers()
-        poses = [camera_pose(imager) for imager in imagers]
+    for imaging in rig.enabled(ImagingConfig):
+        imagers = imaging.imagers()
+        poses = [view_pose(imager) for imager in imagers]
         middle = np.mean([pose[:3] for pose in poses], axis=0)
         base_from_body = transforms.pose((0.0, 0.0, 0.0), np.degrees(poses[0][3:]).tolist())
-        depth, width, height = _ZED2 if len(imagers) > 1 else _CAMERA
+        depth, width, height = _ZED2 if len(imagers) > 1 else _SINGLE
         size = (depth, round(width + imagers[-1].baseline, 9), height)
         centre = np.round(middle - base_from_body[:3, 0] * depth / 2, 12).tolist()
-        yield camera, Shape(_name(camera), size, tuple(centre), rpy=poses[0][3:])
+        yield imaging, Shape(f"{imaging.name}_housing", size, tuple(centre), rpy=poses[0][3:])
 
 
 def _cylinder(name: str, size: tuple[float, float], mount: Mount) -> Shape:
@@ -285,7 +349,7 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = {lidar.name: _hits(lidar, points) for lidar in rig.enabled(ScanningConfig) if lidar != owner}
+    seen = {scanner.name: _hits(scanner, points) for scanner in rig.enabled(ScanningConfig) if scanner != owner}
     seen |= {
         imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
         for imager in rig.imagers
@@ -294,28 +358,28 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     return [name for name, found in seen.items() if found]
 
 
-def _hits(lidar: ScanningConfig, points: Array) -> bool:
-    x, y, z = transforms.transform(transforms.inverse(lidar.mount.base_from_sensor), points).T
-    angles, elevation = scan_angles(lidar), np.arctan2(z, np.hypot(x, y))
+def _hits(scanner: ScanningConfig, points: Array) -> bool:
+    x, y, z = transforms.transform(transforms.inverse(scanner.mount.base_from_sensor), points).T
+    angles, elevation = scan_angles(scanner), np.arctan2(z, np.hypot(x, y))
     within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
-    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= lidar.min_range)).any())
+    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= scanner.min_range)).any())
 
 
-def _shows(camera: ImagingConfig, optical: Array) -> bool:
-    lens, (u, v, depth) = camera.projection, optical.T
-    inside = (np.abs(u) * lens.fx < depth * camera.width / 2) & (np.abs(v) * lens.fy < depth * camera.height / 2)
+def _shows(imaging: ImagingConfig, optical: Array) -> bool:
+    lens, (u, v, depth) = imaging.projection, optical.T
+    inside = (np.abs(u) * lens.fx < depth * imaging.width / 2) & (np.abs(v) * lens.fy < depth * imaging.height / 2)
     return bool((inside & (depth > NEAR)).any())
 
 
 def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:
     """Return the mast of the physics, cut off below the LiDARs' beams, which Gazebo would otherwise let it meet."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
-    for lidar in rig.enabled(ScanningConfig):
-        x, y, z = lidar.mount.xyz
+    for scanner in rig.enabled(ScanningConfig):
+        x, y, z = scanner.mount.xyz
         corner = max(math.hypot(cx - x, cy - y) for cx in (low[0], high[0]) for cy in (low[1], high[1]))
-        tilt = math.degrees(math.acos(np.clip(lidar.mount.base_from_sensor[2, 2], -1.0, 1.0)))
-        angles = lidar.elevations_deg
-        below = tilt + (lidar.vertical_fov_deg / 2 if angles is None else max(-min(angles), 0.0))
+        tilt = math.degrees(math.acos(np.clip(scanner.mount.base_from_sensor[2, 2], -1.0, 1.0)))
+        angles = scanner.elevations_deg
+        below = tilt + (scanner.vertical_fov_deg / 2 if angles is None else max(-min(angles), 0.0))
         drop = corner * math.tan(math.radians(min(below, 89.0)))
         high[2] = min(high[2], z - drop - 0.01)
     if high[2] <= bottom:
