@@ -25,7 +25,7 @@ from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
-from fieldtruth.validation.runner import validate
+from fieldtruth.validation.runner import SAMPLES, validate
 
 pytestmark = pytest.mark.usefixtures("in_park")
 
@@ -123,8 +123,8 @@ def test_a_data_set_and_files_have_them(runs: dict[str, Path], tmp_path: Path) -
 
 
 def test_validate_passes_and_finds_wrong_normals_and_flow(runs: dict[str, Path], tmp_path: Path) -> None:
-    def results(folder: Path, **options: int) -> dict[str, Check]:
-        return {check.name: check for check in validate(folder, **options)}
+    def results(folder: Path, samples: int = SAMPLES) -> dict[str, Check]:
+        return {check.name: check for check in validate(folder, samples=samples)}
 
     for name in ("one", "lossy"):
         good = results(runs[name])
