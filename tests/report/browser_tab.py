@@ -50,7 +50,11 @@ class Tab:
     """An open page with its requests and errors; without ``cloud``, which takes long to draw, its poster is shown."""
 
     def __init__(self, browser: Any, path: Path, *, cloud: bool = True, **options: Any) -> None:
-        self.context = browser.new_context(**({"viewport": {"width": 1000, "height": 700}} | options))
+        usual = {
+            "viewport": {"width": 1000, "height": 700},
+            "reduced_motion": "reduce",
+        }  # smooth scrolling moves what is read
+        self.context = browser.new_context(**(usual | options))
         self.context.set_offline(True)
         if not cloud:
             self.context.add_init_script(NO_WEBGL)
