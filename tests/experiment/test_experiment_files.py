@@ -59,6 +59,7 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
     assert parse_experiment(text) == park
     values = yaml.safe_load(text)
     assert values.pop("fieldtruth") == fieldtruth.__version__
+    assert values["rig"].pop("models") == park.rig.models()
     assert values == park.model_dump(mode="json")
     [lidar] = [sensor for sensor in values["rig"]["sensors"] if sensor["kind"] == "lidar"]
     assert lidar["columns"] == 512  # a default that the built-in file does not set

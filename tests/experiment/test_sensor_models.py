@@ -209,20 +209,25 @@ def stored_with(at: str, model: str | None, **rig: Any) -> str:
     ("at", "model", "rig", "line"),
     [
         ("3", "vlp_16", {}, r"rig\.sensors\[3\]\.model is vlp_16, but .* those of a sensor without a model; "),
-        ("3", "os1_128", {"lidar": {"model": "os0_128"}}, r"\.model is os1_128, .* of the model os0_128; leave out"),
-        ("4", "zed_x", {}, r"\.model is zed_x, .*; leave out what zed_x shall give, and stereo in rig\.models$"),
+        ("3", "os1_128", {"lidar": {"model": "os0_128"}}, r"\.model is os1_128, .* of os0_128; leave out"),
+        ("4", "zed_x", {}, r"\.model is zed_x, .*; leave out what zed_x shall give, and rig\.models\.sensors\.stereo$"),
         ("0", "vn_100", {"imu": {"signal": "datasheet"}}, r"\.model is vn_100, .*of a sensor without a model; "),
         ("0", "vn_100", {}, r"rig\.sensors\[0\]\.model is vn_100, .*those of a sensor without a model; "),
-        ("0", "bmi088", {"imu": {"model": "vn_100"}}, r"\.model is bmi088, but .* those of the model vn_100; "),
-        ("0", None, {"imu": {"model": "vn_100"}}, r"\.model is none, .* those of the model vn_100; name vn_100$"),
-        ("1", "neo_m8n", {"gnss": {"model": "duro"}}, r"\.model is neo_m8n, but .* of the model duro; leave out what"),
+        ("0", "bmi088", {"imu": {"model": "vn_100"}}, r"\.model is bmi088, but .* those of vn_100; "),
+        ("0", None, {"imu": {"model": "vn_100"}}, r"\.model is none, .* those of vn_100; name vn_100$"),
+        ("1", "neo_m8n", {"gnss": {"model": "duro"}}, r"\.model is neo_m8n, but .* of duro; leave out what"),
         (
             "0",
             "encoder_1024",
             {"sensors": [{"kind": "wheel_odometry", "model": "husky_a200"}]},
-            r"\.model is encoder_1024, .* of the model husky_a200; leave",
+            r"\.model is encoder_1024, .* of husky_a200; leave",
         ),
-        ("robot", "jackal", {}, r"rig\.robot\.mass is that of the model husky, not of jackal: 50\.0; leave out what"),
+        (
+            "robot",
+            "jackal",
+            {},
+            r"robot\.model is jackal, but .* those of husky; .* give, and rig\.models\.robot$",
+        ),
     ],
 )
 def test_the_values_of_another_model_are_refused(at: str, model: str | None, rig: dict[str, Any], line: str) -> None:
@@ -232,7 +237,7 @@ def test_the_values_of_another_model_are_refused(at: str, model: str | None, rig
 
 def test_a_model_is_changed_with_the_values_that_it_gives() -> None:
     values = yaml.safe_load(stored_with("0", "bmi088", imu={"model": "vn_100"}))
-    del values["rig"]["sensors"][0]["rate_hz"], values["rig"]["models"]["imu"]
+    del values["rig"]["sensors"][0]["rate_hz"], values["rig"]["models"]["sensors"]["imu"]
     assert parse_experiment(yaml.safe_dump(values)).rig.imu.rate_hz == figures_of("imu", "bmi088")["rate_hz"]
 
 

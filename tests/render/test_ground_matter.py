@@ -26,7 +26,7 @@ from fieldtruth.render.materials import (
     sun_factors,
     wet_albedo,
 )
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
@@ -132,7 +132,7 @@ def test_ground_is_as_bright_from_afar_as_from_nearby(name: str, relief: float) 
         light = []
         for height in (1.0, 7.0):
             pose = transforms.pose((0, 0, height), (0, 30, yaw)) @ OPTICAL
-            render_linear(scene.shading, framebuffer, View(pose, pinhole(config), config.far), labels)
+            render_linear(scene.shading, framebuffer, View(pose, intrinsics_of(config), config.far), labels)
             light.append(float(framebuffer.linear.mean()))
         assert light[0] == pytest.approx(light[1], rel=0.08), yaw
 

@@ -10,17 +10,15 @@ import pytest
 from many_sensors import many_rig
 
 from fieldtruth.core import lenses
-from fieldtruth.experiment.rig import Rig, chassis_box
-from fieldtruth.experiment.sensor_families import ScanningConfig
+from fieldtruth.experiment.rig import Rig, chassis_box, sensor_views
+from fieldtruth.experiment.sensor_families import ScanningConfig, SensorView
 from fieldtruth.report.rig.picture import (
-    SensorView,
     draw_rig,
     ground_classes,
     ground_coverage,
     ground_height,
     ground_hits,
     nearest_ground,
-    sensor_views,
 )
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions

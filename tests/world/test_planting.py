@@ -16,11 +16,12 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout
 from fieldtruth.world.environments.layout import PLANTINGS, Planter
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
+from fieldtruth.world.rocks import ROCK_TYPES
 
 LAYOUTS = {
     "park": {"large_tree": ["alder"], "bed_bush": ["gorse"], "bed_flower": ["anemone"]},
     "lake": {"meadow_tree": ["beech"], "meadow_bush": ["juniper"], "sedge_3": ["bent"]},
-    "hillside": {"pine": ["spruce"], "gorse": ["box"], "grass": ["dry"]},
+    "hillside": {"pine": ["spruce"], "gorse": ["box"], "grass": ["dry"], "boulder": ["limestone"]},
     "forest": {"bush": ["box"], "ferns": ["nettle"]},
 }
 FEW: dict[str, dict[str, object]] = {  # quick to build
@@ -86,7 +87,7 @@ def test_every_group_grows(environment: str) -> None:
         names = planter.species(group) or ("oak",)
         meshes = planter.grow(group, np.random.default_rng(0), count=1, species=names)
         assert {s for mesh in meshes for s in mesh.species} <= set(names)
-        assert set(names) <= {*TREES, *BUSHES, *GRASSES}
+        assert set(names) <= {*TREES, *BUSHES, *GRASSES, *ROCK_TYPES}
 
 
 def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:

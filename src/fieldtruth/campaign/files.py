@@ -22,7 +22,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import MODELS, known_extras, with_signal_files
+from fieldtruth.experiment.rig import MODELS
+from fieldtruth.experiment.sensor_config import known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout

@@ -15,7 +15,8 @@ from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.sensor_config import MODELS, SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
+from fieldtruth.experiment.rig import MODELS
+from fieldtruth.experiment.sensor_config import SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
 VERSION_KEY: Final = "fieldtruth"

@@ -8,8 +8,7 @@ its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` 
 
 import itertools
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -23,7 +22,6 @@ from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, s
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import (
     KINDS,
-    MODELS,
     SIGNAL,
     WORDS,
     MountedConfig,
@@ -31,9 +29,8 @@ from fieldtruth.experiment.sensor_config import (
     known_switches,
     part,
     sensor_of,
-    without_models,
 )
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
+from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig, SensorView
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.sensors.configs import CONFIGS, FirstOfKinds
@@ -80,15 +77,6 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))
 
 
-@contextmanager
-def _at(*at: str | int) -> Iterator[None]:
-    """Put a position in front of that of a rule that is broken."""
-    try:
-        yield
-    except LocatedError as error:
-        raise LocatedError(str(error), (*at, *error.at)) from error
-
-
 def _differ(
     sensors: Sequence[SensorConfig], key: str, values: Sequence[Iterable[str]], taken: dict[str, str], what: str = ""
 ) -> None:
@@ -117,8 +105,42 @@ _OF_PAPER: Final = tuple(config for config in CONFIGS if "sections" in vars(conf
 _SECTIONS: Final = {key: (config, each) for config in _OF_PAPER for key, each in config.sections.items()}
 SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, (config, each) in _SECTIONS.items()}
 """Class of the value of each section."""
+ROBOT: Final = "robot"
 ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
 """Keys of a rig that change the part of ``robot`` with the same name."""
+
+
+MODELS: Final = "models"
+"""Key of a stored rig: models of the robot and of the sensors by name, None of one without a model."""
+
+
+def without_models(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the values of a rig without ``models``, which says in a stored file whose figures robot and sensors have.
+
+    These have every value there, so to change a ``model`` alone would change the name alone.
+
+    Raises:
+        LocatedError: one that has another ``model`` than figures.
+    """
+    if MODELS not in given:
+        return given
+    stored, sensors = given[MODELS], given.get("sensors")
+    of_sensors = stored.get("sensors") if isinstance(stored, Mapping) else None
+    if not isinstance(of_sensors, Mapping):
+        raise LocatedError(f"must be a mapping with the keys robot and sensors, got {shortened(stored)}", [MODELS])
+    items: list[tuple[tuple[str | int, ...], Any, Any, str]] = []
+    if stored.get(ROBOT):
+        items.append(((ROBOT, "model"), given.get(ROBOT), stored[ROBOT], f"{MODELS}.{ROBOT}"))
+    for i, item in enumerate(sensors if isinstance(sensors, list | tuple) else ()):
+        name = item.get("name") if isinstance(item, Mapping) else None
+        if name in of_sensors:
+            items.append((("sensors", i, "model"), item, of_sensors[name], f"{MODELS}.sensors.{name}"))
+    for at, item, whose, key in items:
+        if isinstance(item, Mapping) and (model := item.get("model")) != whose:
+            what = f"is {model or 'none'}, but the figures are those of {whose or 'a sensor without a model'}"
+            rest = f"leave out what {model} shall give, and rig.{key}" if model else f"name {whose}"
+            raise LocatedError(f"{what}; {rest}", at)
+    return {key: value for key, value in given.items() if key != MODELS}
 
 
 def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -220,8 +242,6 @@ class Rig(Frozen, FirstOfKinds):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        with _at("robot"):
-            self.robot.check_model()
         check_sensors(self.sensors, self._own_frames(), self.robot)
         return self
 
@@ -269,9 +289,9 @@ class Rig(Frozen, FirstOfKinds):
         """The sensors of a class, or of one derived from it, that are enabled."""
         return tuple(sensor for sensor in self.sensors if isinstance(sensor, config) and sensor.enabled)
 
-    def models(self) -> dict[str, str | None]:
-        """Model of each sensor by its name."""
-        return {sensor.name: sensor.model for sensor in self.sensors}
+    def models(self) -> dict[str, Any]:
+        """Models of the robot and of the sensors by name, as ``MODELS``."""
+        return {ROBOT: self.robot.model, "sensors": {sensor.name: sensor.model for sensor in self.sensors}}
 
     def in_order(self) -> tuple[SensorConfig, ...]:
         """The sensors that are enabled, in the order in which their topics are in a bag."""
@@ -348,6 +368,12 @@ def paper_rig(**sensors: SensorConfig | None) -> Rig:
     if given:
         raise UnknownNameError("sensor of the paper", next(iter(given)), by_kind.values())
     return Rig(sensors=tuple(changed))
+
+
+def sensor_views(rig: Rig) -> tuple[SensorView, ...]:
+    """Return the sensors of a rig that scan, and its views, that are enabled."""
+    scan = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.enabled(ScanningConfig))
+    return (*scan, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
 
 
 class Box(NamedTuple):

@@ -12,15 +12,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.catalogue import ROBOTS, with_robot_model
-from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive, shortened
+from fieldtruth.experiment.catalogue import with_robot_model
+from fieldtruth.experiment.fields import Frozen, LocatedError, Mount, Number, Positive
 
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 GRAVITY: Final = 9.81  # [m/s^2]
 MAX_DEFLECTION: Final = 0.2
 """Greatest deflection of a tyre at rest, in radii: beyond, it is flat, and the springs of its tread are no model."""
-CLEARLY: Final = 3
-"""Values that must differ from those of a named model before they are taken for another's."""
 Inertia = tuple[Positive, Positive, Positive]
 Length = Annotated[Number, Field(gt=0, le=2)]
 
@@ -118,23 +116,6 @@ class RobotConfig(Frozen):
         if w.tyre_stiffness < least:
             what = f"must be at least {least:.0f}, so that a tyre carries its share of {self.mass:g} kg"
             raise LocatedError(f"{what}, got {w.tyre_stiffness:g}", ("wheels", "tyre_stiffness"))
-
-    def check_model(self) -> None:
-        """Check that its values are not all those of another model, as in a stored file whose ``model`` was changed.
-
-        Raises:
-            LocatedError: the first value that is of another model.
-        """
-        clear = self._unlike(self.model) if self.model_fields_set else []  # the defaults are those of the Husky
-        for other in ROBOTS if len(clear) >= CLEARLY else ():
-            if other != self.model and not self._unlike(other):
-                what = f"is that of the model {other}, not of {self.model}: {shortened(getattr(self, clear[0]))}"
-                raise LocatedError(f"{what}; leave out what {self.model} shall give, or name {other}", clear[:1])
-
-    def _unlike(self, model: str) -> list[str]:
-        other = RobotConfig.model_validate({"model": model})
-        keys = [key for key in RobotConfig.model_fields if key != "model"]
-        return [key for key in keys if getattr(self, key) != getattr(other, key)]
 
     @property
     def footprint(self) -> Mount:

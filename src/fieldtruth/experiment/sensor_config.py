@@ -106,8 +106,6 @@ CLEAN: Final = "clean"
 """Another word for ideal."""
 ROBOT: Final = "robot"
 """The signal of photographs as robots take them; of sensors that are no cameras, that of the data sheet."""
-MODELS: Final = "models"
-"""Key of a stored rig: the model of each sensor by its name, None without one."""
 WORDS: Final = (IDEAL, DATASHEET, CLEAN, ROBOT)
 FORMS: Final = f"{', '.join(WORDS)}, the path of a YAML file, or a mapping"
 _ENDINGS: Final = (".yaml", ".yml")
@@ -479,27 +477,6 @@ def sensor_of(value: Any) -> SensorConfig:
     if config.needs_mount and "mount" not in value:
         raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
     return part(config, value)
-
-
-def without_models(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the values of a rig without ``models``, which says in a stored file whose figures each sensor has.
-
-    A stored sensor has every value, so to change its ``model`` alone would change the name alone.
-
-    Raises:
-        LocatedError: a sensor that has another ``model`` than figures.
-    """
-    stored, sensors = given.get(MODELS, {}), given.get("sensors", ())
-    if not isinstance(stored, Mapping):
-        raise LocatedError(f"must be a mapping of sensors to their models, got {shortened(stored)}", [MODELS])
-    for i, item in enumerate(sensors if isinstance(sensors, list | tuple) else ()):
-        name, model = (item.get("name"), item.get("model")) if isinstance(item, Mapping) else (None, None)
-        if name in stored and model != stored[name]:
-            whose = f"the model {stored[name]}" if stored[name] else "a sensor without a model"
-            what = f"is {model or 'none'}, but its figures are those of {whose}"
-            rest = f"leave out what {model} shall give, and {name} in rig.{MODELS}" if model else f"name {stored[name]}"
-            raise LocatedError(f"{what}; {rest}", ["sensors", i, "model"])
-    return {key: value for key, value in given.items() if key != MODELS}
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:

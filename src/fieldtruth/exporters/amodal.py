@@ -5,6 +5,7 @@
 The silhouette of an object is the set of pixels whose rays, through their centres, meet it when it is alone.
 """
 
+import threading
 from collections.abc import Collection
 from typing import Final, NamedTuple
 
@@ -15,10 +16,10 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.experiment.sensor_families import ImagingConfig
-from fieldtruth.kernels.camera_rays import BLOCK, View, new_batch, trace
-from fieldtruth.kernels.packets import MISS, IntArray, new_packet
+from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, trace
+from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.lens import pinhole, ray_table
+from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Instance, World
@@ -52,14 +53,14 @@ def world_of_run(run: Run) -> World:
 
 
 class WholeObjects:
-    """The objects of a world in the images of a camera. Use one per thread: it owns its buffers."""
+    """The objects of a world in the images of a camera. Threads may share it."""
 
     def __init__(self, world: World, config: ImagingConfig) -> None:
         self.world, self.objects = world, named_objects(world)
-        self._config, self._lens, self._table = config, pinhole(config), ray_table(config)
+        self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
         self._hulls: dict[tuple[str, Labels], Array] = {}
-        self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK)
+        self._own = threading.local()
 
     def silhouette(self, object_id: int, world_from_optical: Array, labels: Labels = None) -> Silhouette:
         """Pixels of an object, or of its faces of some classes, alone in the image from a pose (4, 4)."""
@@ -69,14 +70,15 @@ class WholeObjects:
         alone.commit()
         left, top, right, bottom = self._region(instance, world_from_optical, labels)
         u, v = (each.ravel() for each in np.meshgrid(np.arange(left, right), np.arange(top, bottom)))
-        view = View(np.ascontiguousarray(world_from_optical, np.float64), self._lens, self._config.far, self._table)
+        view = View(np.ascontiguousarray(world_from_optical, np.float64), self._lens, self.config.far, self._table)
         tops: IntArray = np.zeros(1, np.int32)
+        packet, batch = self._buffers()
         seen = np.zeros(len(u), np.bool_)
         for first in range(0, len(u), BLOCK):
             count = min(BLOCK, len(u) - first)
-            self._batch.image[0, :count], self._batch.image[1, :count] = u[first:][:count], v[first:][:count]
-            trace(alone.handle, tops, self._packet, view, self._batch, count)
-            seen[first : first + count] = self._batch.top[:count] >= 0
+            batch.image[0, :count], batch.image[1, :count] = u[first:][:count], v[first:][:count]
+            trace(alone.handle, tops, packet, view, batch, count)
+            seen[first : first + count] = batch.top[:count] >= 0
         if not seen.any():
             return Silhouette(0, [0, 0, 0, 0])
         x, y = u[seen], v[seen]
@@ -102,6 +104,13 @@ class WholeObjects:
         u, v = lens.fx * points[:, 0] / points[:, 2] + lens.cx, lens.fy * points[:, 1] / points[:, 2] + lens.cy
         return np.array([u.min(), v.min(), u.max(), v.max()])
 
+    def _buffers(self) -> tuple[Packet, RayBatch]:
+        """Buffers of this thread."""
+        own = vars(self._own)
+        if not own:
+            own |= {"packet": new_packet(coherent=True), "batch": new_batch(BLOCK)}
+        return own["packet"], own["batch"]
+
     def _mesh(self, instance: Instance, labels: Labels) -> RayScene:
         key = instance.mesh, labels
         if key not in self._meshes:
@@ -121,7 +130,7 @@ class WholeObjects:
 
     def _region(self, instance: Instance, world_from_optical: Array, labels: Labels) -> tuple[int, int, int, int]:
         """Columns and rows, from and to, outside which the object has no pixels."""
-        width, height = self._config.width, self._config.height
+        width, height = self.config.width, self.config.height
         hull = self._hull(instance, labels)
         points = transforms.transform(transforms.inverse(world_from_optical) @ instance.world_from_object, hull)
         if not len(self._table):

@@ -12,7 +12,6 @@ pebbles. Both JSON files are written row by row: the annotations of a long drive
 import json
 import re
 import shutil
-import threading
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -28,8 +27,7 @@ from pycocotools import mask as coco_mask
 import fieldtruth
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import Trajectory, read_objects
-from fieldtruth.bag.readings import Readings
+from fieldtruth.bag.geometry import read_objects
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
@@ -38,10 +36,11 @@ from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.readings import Image
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
-from fieldtruth.exporters.frames import with_photo
-from fieldtruth.ontology import LabelMap
+from fieldtruth.exporters.frames import Frames
+from fieldtruth.ontology import OWN, LabelMap
 from fieldtruth.world.boxes import named_objects, object_box
 
 _PARTS: Final = ("photo", "label", "instance")
@@ -57,19 +56,6 @@ _BITS: Final = 24
 """Bits of a segment id in a panoptic image."""
 _SINGLE: Final = re.compile(r"_\d+$")
 """Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
-
-
-class _Frames(NamedTuple):
-    """All that is needed to export a frame."""
-
-    views: Mapping[str, Mapping[str, Any]]
-    """Keys and values of each image's row by view: frame and calibration."""
-    mounts: Mapping[str, Array]
-    """base_from_optical (4, 4) by view."""
-    images: Mapping[str, Readings]
-    trajectory: Trajectory
-    numbering: "Numbering"
-    boxes: "CocoBoxes | None"
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -89,19 +75,16 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     numbering = Numbering(categories, options.labels, names)
     boxes = CocoBoxes(run, options.labels, names) if options.boxes else None
     run.streams([view.topics[part] for view in views for part in _PARTS])
-    images = {view.label: run.readings(view.name, _PARTS) for view in views}
-    mounts = {view.label: run.calibration.base_from(view.name) for view in views}
-    frames = _Frames({v.label: _calibration(run, v) for v in views}, mounts, images, run.trajectory, numbering, boxes)
+    frames = [(view.label, Frames(run, OWN, [view], extras=("instance",))) for view in views]
     about = {} if boxes is None else boxes.objects()
     jobs = sorted(
-        (stamp, k, name) for k, (name, each) in enumerate(images.items()) for stamp in each.stamps_ns.tolist()
+        (stamp, k, i) for k, (_, each) in enumerate(frames) for i, stamp in enumerate(each.stamps_ns.tolist())
     )
+    work = partial(_write_frame, target, frames, numbering, boxes)
     with CocoFiles(run, target, options.labels, categories, names, about) as files:
-        for picture in options.each("images", run, jobs, partial(_write_frame, target, frames)):
+        for picture in options.each("images", run, jobs, work):
             files.add(picture)
         files.finish()
-    if not jobs:
-        raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 
 
 def _views_of(run: Run) -> list[Source]:
@@ -120,41 +103,39 @@ def _views_of(run: Run) -> list[Source]:
     return views
 
 
-def _write_frame(target: Path, frames: _Frames, job: tuple[int, int, str]) -> "Picture":
-    """Write the image files of a frame, of a stamp and a view; on any thread."""
-    stamp, _, view = job
-    name = f"{view}/{stamp}"
-    image, photo, suffix = with_photo(frames.images[view], stamp)
+def _write_frame(
+    target: Path,
+    frames: Sequence[tuple[str, Frames]],
+    numbering: "Numbering",
+    boxes: "CocoBoxes | None",
+    job: tuple[int, int, int],
+) -> "Picture":
+    """Write the image files of a frame, of a stamp, a view and a row; on any thread."""
+    stamp, k, i = job
+    label, frame = frames[k][0], frames[k][1][i]
+    view, about, name = frame.views[label], frame.about[f"{ROLES[Image].key}s"][label], f"{label}/{stamp}"
     try:
-        ids = frames.numbering.number(image.label, image.instance)
+        ids = numbering.number(view.mask, view.extras["instances"])
     except BagError as error:
-        raise BagError(f"{view} camera at {stamp} ns: {error}") from error
+        raise BagError(f"{label} camera at {stamp} ns: {error}") from error
     height, width = ids.shape
-    (target / "images" / f"{name}{suffix}").write_bytes(photo)
+    (target / "images" / f"{name}{view.suffix}").write_bytes(view.photo)
     (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
-    world_from_optical = frames.trajectory.world_from_base(stamp) @ frames.mounts[view]
     row = {
-        "file_name": f"{name}{suffix}",
+        "file_name": f"{name}{view.suffix}",
         "width": width,
         "height": height,
         "stamp_ns": stamp,
-        "camera": view,
-        **frames.views[view],
-        "world_from_camera": world_from_optical.tolist(),
+        "camera": label,
+        "frame_id": about["frame_id"],
+        "camera_matrix": about["K"],
+        "distortion_model": about["distortion_model"],
+        "distortion": about["D"],
+        "world_from_camera": about["world_from_camera"],
     }
     segments = segments_of(ids)
-    boxes = {} if frames.boxes is None else frames.boxes.of(view, segments, world_from_optical)
-    return Picture(row, f"{name}.png", segments, boxes)
-
-
-def _calibration(run: Run, view: Source) -> dict[str, Any]:
-    lens = run.calibration.lens(view.name)
-    return {
-        "frame_id": lens.frame,
-        "camera_matrix": lens.K.tolist(),
-        "distortion_model": lens.model,
-        "distortion": lens.D.tolist(),
-    }
+    found = {} if boxes is None else boxes.of(label, segments, np.array(about["world_from_camera"]))
+    return Picture(row, f"{name}.png", segments, found)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -285,10 +266,10 @@ class CocoBoxes:
 
     def __init__(self, run: Run, labels: LabelMap, names: Sequence[str]) -> None:
         self._world, self._bits = world_of_run(run), object_bits(names)
-        self._configs = {view.label: view.config for view in run.of(Image, recorded=False)}
+        views = run.of(Image, "photo", "instance")
+        self._whole = {view.label: WholeObjects(self._world, view.config) for view in views}
         self._ids = labels.ids
         self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
-        self._own = threading.local()
 
     def objects(self) -> dict[int, dict[str, Any]]:
         """Boxes in the world frame by instance id."""
@@ -296,7 +277,7 @@ class CocoBoxes:
 
     def of(self, view: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
         """Keys by id of the segment, for an image of a view from a pose (4, 4)."""
-        whole, found, optical_from_world = self._whole(view), {}, transforms.inverse(world_from_optical)
+        whole, found, optical_from_world = self._whole[view], {}, transforms.inverse(world_from_optical)
         for segment in segments:
             category, number = divmod(segment.id, 1 << self._bits)
             if number not in self._boxes:
@@ -308,19 +289,13 @@ class CocoBoxes:
                 "amodal_area": alone.pixels,
                 "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
             }
-            if self._configs[view].lens.model == "pinhole":
+            if whole.config.lens.model == "pinhole":
                 bounds = whole.bounds(number, world_from_optical, labels)
                 if bounds is not None:  # from pixel centres to COCO's pixel borders
                     left, top, right, bottom = (bounds + 0.5).tolist()
                     keys["amodal_bbox_full"] = [left, top, right - left, bottom - top]
             found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
         return found
-
-    def _whole(self, view: str) -> WholeObjects:
-        own: dict[str, WholeObjects] = vars(self._own)
-        if view not in own:
-            own[view] = WholeObjects(self._world, self._configs[view])
-        return own[view]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -22,11 +22,12 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import ROLES, bags_in
+from fieldtruth.experiment.sensor_families import IMAGES
 from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
@@ -276,8 +277,14 @@ class Frames:
         return Frame(stamp, views, clouds, about)
 
     def _view(self, readings: Readings, stamp: int) -> View:
-        image, photo, suffix = with_photo(readings, stamp)
-        extras = {PARTS[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
+        row = readings.row_at(stamp)
+        assert row is not None
+        image = readings.read(row, [part for part in readings.parts if part != "photo"])
+        try:
+            photo, suffix = stored_photo(readings.message(row, "photo"), image.label.shape)
+        except BagError as error:
+            raise BagError(f"{readings.source.topic} at {stamp} ns: {error}") from error
+        extras = {IMAGES[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
         return View(photo, suffix, np.take(self._ids, image.label), extras)
 
     def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:
@@ -291,21 +298,6 @@ class Frames:
         """Return the arrays of a cloud without points of each sensor."""
         first = {name: self._cloud(readings.read(0)) for name, readings in self._clouds.items()}
         return {name: {field: values[:0] for field, values in cloud.items()} for name, cloud in first.items()}
-
-
-def with_photo(readings: Readings, stamp: int) -> tuple[Any, bytes, str]:
-    """Return the images of a view at a stamp [ns] without the photograph, and this as it is stored, with its ending.
-
-    Raises:
-        BagError: the images cannot be read, or the photograph is neither JPEG nor PNG, or has another size.
-    """
-    row = readings.row_at(stamp)
-    assert row is not None
-    image = readings.read(row, [part for part in readings.parts if part != "photo"])
-    try:
-        return image, *stored_photo(readings.message(row, "photo"), image.label.shape)
-    except BagError as error:
-        raise BagError(f"{readings.source.topic} at {stamp} ns: {error}") from error
 
 
 def count_common(run: Run, views: Sequence[Source]) -> int:

@@ -7,7 +7,8 @@ row per cloud. Both have a split each.
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,16 +19,16 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import EXTRAS, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.png import encode_png, ids_png
-from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
+from fieldtruth.experiment.sensor_families import IMAGES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import (
     PAPER,
     SPLITS,
-    Frame,
     Frames,
     Member,
     cloud_about,
@@ -68,17 +69,13 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         sources = [*run.of(Image), *run.of(Cloud)]
         run.streams([topic for each in sources for topic in each.topics.values() if topic in run.counts])  # in one pass
     tables = []
-    for name, columns, rows in (
-        ("images", _image_columns(members), _images),
-        ("clouds", _cloud_columns(members), _clouds),
-    ):
+    for name, columns, kind in (("images", _image_columns(members), Image), ("clouds", _cloud_columns(members), Cloud)):
         splits: dict[str, Written] = {}
         for split in SPLITS if columns else ():
             with ParquetFiles(target / name, split, columns, names, options.shard_bytes) as files:
                 for member in members:
-                    if member.split == split:
-                        for row, size in rows(member, options):
-                            files.add(row, size)
+                    for row, size in _rows(member, name, kind, options) if member.split == split else ():
+                        files.add(row, size)
             if files.written.rows:
                 splits[split] = files.written
         if splits:
@@ -96,7 +93,7 @@ def class_names(labels: LabelMap) -> list[str]:
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
     views = [(member.run, v) for member in members for views in views_of(member.run).values() for v in views]
-    found = [_EXTRAS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
+    found = [_EXTRAS[IMAGES[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_COLUMNS["image"][:2], *found, *_COLUMNS["image"][2:]) if views else ()
     columns += _COLUMNS["lens"] * any(_is_distorted(run, view) for run, view in views)
@@ -131,27 +128,21 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     return tuple(each._replace(about=each.about.format(noun=noun)) for each in columns) if sensors else ()
 
 
-def _images(member: Member, options: Options) -> Iterator[_Row]:
-    """Rows of a run's images, sensor by sensor in time order."""
-    for views in views_of(member.run).values():
-        yield from _rows(member, "images", Frames(member.run, options.labels, views), _image_rows, options)
+def _rows(member: Member, what: str, kind: type[Reading], options: Options) -> Iterator[_Row]:
+    """Rows of a run's images or clouds, sensor by sensor in time order."""
+    run, rows_of = member.run, _image_rows if kind is Image else _cloud_rows
+    chosen: list[tuple[list[Source], list[Source]]] = [([], [sensor]) for sensor in run.of(Cloud)]
+    if kind is Image:
+        chosen = [(views, []) for views in views_of(run).values()]
+    for views, clouds in chosen:
+        frames = Frames(run, options.labels, views, clouds)
+        work = partial(rows_of, member, frames)
+        for rows in options.each(f"{member.name}: {what}", run, range(len(frames)), work):
+            yield from rows
 
 
-def _clouds(member: Member, options: Options) -> Iterator[_Row]:
-    """Rows of a run's clouds, sensor by sensor in time order."""
-    for sensor in member.run.of(Cloud):
-        yield from _rows(member, "clouds", Frames(member.run, options.labels, [], [sensor]), _cloud_rows, options)
-
-
-def _rows(
-    member: Member, what: str, frames: Frames, rows_of: Callable[[Member, Frame], list[_Row]], options: Options
-) -> Iterator[_Row]:
-    made = options.each(f"{member.name}: {what}", member.run, range(len(frames)), lambda i: rows_of(member, frames[i]))
-    return (row for rows in made for row in rows)
-
-
-def _image_rows(member: Member, frame: Frame) -> list[_Row]:
-    rows = []
+def _image_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
+    rows, frame, named = [], frames[i], ROLES[Image].key
     for label, view in frame.views.items():
         name = f"{member.name}_{label}_{frame.stamp_ns:019d}"
         images = {"image": (view.photo, view.suffix), "mask": (encode_png(view.mask), ".png")}
@@ -159,10 +150,9 @@ def _image_rows(member: Member, frame: Frame) -> list[_Row]:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
             images["instances"] = ids_png(view.extras["instances"]), ".png"
-        key = ROLES[Image].key
-        about = frame.about[f"{key}s"].get(label, {})
+        about = frame.about[f"{named}s"].get(label, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
-        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, key: label}
+        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, named: label}
         row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "image", "lens")
         flat: dict[str, NDArray[Any]] = {
             key: view.extras[key].ravel() for key in ("normals", "flow") if key in view.extras
@@ -174,7 +164,8 @@ def _image_rows(member: Member, frame: Frame) -> list[_Row]:
     return rows
 
 
-def _cloud_rows(member: Member, frame: Frame) -> list[_Row]:
+def _cloud_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
+    frame = frames[i]
     ((sensor, cloud),) = frame.clouds.items()
     row: dict[str, Any] = {axis: cloud["xyz"][:, k] for k, axis in enumerate("xyz")}
     row |= {name: values for name, values in cloud.items() if name != "xyz"}

@@ -231,7 +231,8 @@ def _responsible(members: Sequence[Member]) -> dict[str, Any]:
     collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
     biases = [conditions_of(made), *_FIXED["rai"]["dataBiases"]]
     values = _FIXED["rai"] | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
-    return _FIXED["licence"] | {f"rai:{key}": value for key, value in values.items()}
+    own: dict[str, Any] = _FIXED["licence"] | {f"rai:{key}": value for key, value in values.items()}
+    return own
 
 
 def _files(table: Table, folder: Path) -> Iterator[Any]:

@@ -30,7 +30,7 @@ from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import Box, Rig
+from fieldtruth.experiment.rig import Box, Rig, sensor_views
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
@@ -349,26 +349,12 @@ def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> lis
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = transforms.transform(transforms.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = {scanner.name: _hits(scanner, points) for scanner in rig.enabled(ScanningConfig) if scanner != owner}
-    seen |= {
-        imager.name: _shows(imager.config, transforms.transform(transforms.inverse(imager.base_from_optical), points))
-        for imager in rig.imagers
-        if imager.config != owner
-    }
-    return [name for name, found in seen.items() if found]
-
-
-def _hits(scanner: ScanningConfig, points: Array) -> bool:
-    x, y, z = transforms.transform(transforms.inverse(scanner.mount.base_from_sensor), points).T
-    angles, elevation = scan_angles(scanner), np.arctan2(z, np.hypot(x, y))
-    within = (angles.min_elevation <= elevation) & (elevation <= angles.max_elevation)
-    return bool((within & (np.linalg.norm((x, y, z), axis=0) >= scanner.min_range)).any())
-
-
-def _shows(imaging: ImagingConfig, optical: Array) -> bool:
-    lens, (u, v, depth) = imaging.projection, optical.T
-    inside = (np.abs(u) * lens.fx < depth * imaging.width / 2) & (np.abs(v) * lens.fy < depth * imaging.height / 2)
-    return bool((inside & (depth > NEAR)).any())
+    found = []
+    for view in sensor_views(rig):
+        far = view.scans | (np.linalg.norm(points - view.position, axis=1) > NEAR)
+        if view.config != owner and (view.sees(points) & far).any():
+            found.append(view.name)
+    return found
 
 
 def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:

@@ -28,12 +28,13 @@ from fieldtruth.world.plants.deadwood import grow_snag
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
 from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrownIn, heights_of
 from fieldtruth.world.plants.trees import grow_bush, grow_tree
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 
 Heights = float | tuple[float, float]
 """One height, or the least and the greatest."""
 _LIBRARIES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "tree": TREES, "snag": TREES, "bush": BUSHES, "tuft": GRASSES, "clump": GRASSES,
+    "tree": TREES, "snag": TREES, "bush": BUSHES, "tuft": GRASSES, "clump": GRASSES, "rock": ROCK_TYPES,
 }  # fmt: skip
 _GROW: Final[Mapping[str, Callable[..., Mesh]]] = {
     "tree": grow_tree, "snag": grow_snag, "bush": grow_bush, "tuft": grow_tuft,
@@ -42,15 +43,18 @@ _GROW: Final[Mapping[str, Callable[..., Mesh]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class PlantGroup:
-    """Individuals of some species, as meshes: trees, bushes, single tufts of grass and herbs, or clumps of tufts."""
+    """Individuals of some species, as meshes: trees, bushes, single tufts of grass and herbs, or clumps of tufts.
 
-    form: Literal["tree", "snag", "bush", "tuft", "clump"]
+    Rocks have types for species, and lengths for heights.
+    """
+
+    form: Literal["tree", "snag", "bush", "tuft", "clump", "rock"]
     name: str  # of a mesh; ``{species}`` and ``{k}``, the number of the individual, are replaced
     species: Mapping[str, Heights] = field(default_factory=dict)  # heights [m], or shares of a clump's tufts
     mixed: tuple[str, ...] = ()  # species of one individual each, in this order, instead; names may occur again
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
-    even: bool = False  # heights in equal steps from the least to the greatest, not random ones
+    even: bool = False  # heights in equal steps, of rocks ratios, from the least to the greatest, not random ones
     count: int = 1  # individuals of each species, or clumps
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
@@ -59,6 +63,8 @@ class PlantGroup:
     per_m2: float = 0.0  # tufts of a clump
     size: float = 0.5  # of the first clump, as in ``grow_clump``
     larger: float = 0.0  # by which each further clump is larger
+    triangles: int = 720  # of a rock
+    solid: bool = True  # rocks with colliders
 
     def value(self, species: str) -> Heights:
         """Heights of a species, or its share of a clump."""
@@ -154,15 +160,18 @@ class Planter:
         if not isinstance(heights, tuple):
             height = heights
         elif form.even:
-            height = float(np.linspace(*heights, form.count if count is None else count)[number])
+            steps = np.geomspace if form.form == "rock" else np.linspace
+            height = float(steps(*heights, form.count if count is None else count)[number])
         else:
             height = float(rng.uniform(*heights))
+        name = form.name.format(species=species, k=number)
+        if form.form == "rock":
+            return make_rock(kind, name=name, size=height, rng=rng, triangles=form.triangles, solid=form.solid)
         height *= kind.grown.height if form.relative else 1.0
         if species not in form.species:  # as high as others of the group, as far as it can be
             low, high = heights_of(kind, height, form.grown_in)
             height = min(max(height, low), high)
         own: dict[str, Any] = {"grown_in": form.grown_in} if form.form == "tree" else {}
-        name = form.name.format(species=species, k=number)
         return _GROW[form.form](kind, name=name, height=height, rng=rng, detail=form.detail, **own)
 
     def swarm(

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.textures import strewn, surfaces  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
@@ -74,6 +75,9 @@ TEXTURES: Final = Section("textures", _texture)
 """Every texture; a world holds those of its materials."""
 
 
+_AT_ONCE: Final = 3
+
+
 def make_texture(name: str, seed: np.random.SeedSequence) -> NDArray[np.uint8]:
     """Draw a texture: (n, n, 3) sRGB, n a power of two; u runs along axis 1, v up axis 0. The result is read-only.
 
@@ -91,11 +95,16 @@ def make_texture(name: str, seed: np.random.SeedSequence) -> NDArray[np.uint8]:
 def _drawn(name: str, entropy: int | tuple[int, ...], spawn_key: tuple[int, ...]) -> NDArray[np.uint8]:
     texture = TEXTURES[name]
     rng = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=spawn_key))
-    image = finish(DRAWINGS[texture.draw](rng, **texture.parameters), texture.albedo)
+    try:
+        image = finish(DRAWINGS[texture.draw](rng, **texture.parameters), texture.albedo)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"textures.{name}: {error}") from error
     image.flags.writeable = False
     return image
 
 
 def make_textures(seed: np.random.SeedSequence, names: Iterable[str]) -> dict[str, NDArray[np.uint8]]:
-    """Draw several textures, by name."""
-    return {name: make_texture(name, seed) for name in names}
+    """Draw several textures, by name; some at once, each of which takes up to 0.3 GB meanwhile."""
+    every = tuple(names)
+    drawn = in_order(every, lambda name: make_texture(name, seed), min(cpu_count(), _AT_ONCE))
+    return dict(zip(every, drawn, strict=True))

@@ -62,7 +62,7 @@ from fieldtruth.world.relief import (
     with_layer,
     with_microrelief,
 )
-from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
+from fieldtruth.world.rocks import scatter_rocks
 
 UPROOTED: Final = 0.006
 """Density [1/m^2] of pits and mounds."""
@@ -185,17 +185,10 @@ def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator)
         away, _ = groups.query(xy)
         return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (builder.trail_distance(xy) > 0.3))
 
-    fieldstone = ROCK_TYPES["fieldstone"]
-    rocks = [
-        make_rock(fieldstone, name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
-        for k, size in enumerate(np.geomspace(0.35, 1.5, 8))
-    ]
+    rocks = config.planter.grow("rock", rng)
     group = ObjectGroup(kind="rock", meshes=rocks, count=config.rocks, spacing=0.6, scales=(0.85, 1.2), tint=0.08)
     scatter_rocks(builder, group, rng, near_centres)
-    stones = [
-        make_rock(fieldstone, name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
-        for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
-    ]
+    stones = config.planter.grow("stone", rng)
     spec = config.planter.swarm("small_stones", stones, per_m2=config.stones_per_m2 * 3)
     builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))
 

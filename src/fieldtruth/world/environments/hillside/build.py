@@ -329,17 +329,15 @@ def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
         return np.clip(0.15 + ground.share("scree", xy) + 0.5 * ground.share("rock", xy), 0, 1)
 
     few = config.individuals
-    crags = _make_rocks("crag", "crag", (2.2, 3.0), 2400, 2 * few, rng)
-    boulders = _make_rocks("granite", "boulder", (1.1, 1.8), 1600, 2 * few, rng)
-    blocks = _make_rocks("granite scree", "block", (0.45, 0.85), 720, 2 * few, rng)
-    slabs = _make_rocks("slab", "slab", (0.7, 1.5), 900, few, rng)
-    for kind, meshes, count, density, spacing, scales in (
-        ("crag", crags, config.crags, steep, 2.6, (0.8, 1.25)),
-        ("boulder", boulders, config.boulders, rolled, 3.0, (0.85, 1.2)),
-        ("rock", blocks, config.blocks, rolled, 1.2, (0.75, 1.3)),
-        ("slab", slabs, config.slabs, rolled, 1.5, (0.7, 1.2)),
+    counts = {"crag": 2 * few, "boulder": 2 * few, "block": 2 * few, "slab": few}
+    rocks = {group: config.planter.grow(group, rng, count=count) for group, count in counts.items()}
+    for kind, made, count, density, spacing, scales in (
+        ("crag", "crag", config.crags, steep, 2.6, (0.8, 1.25)),
+        ("boulder", "boulder", config.boulders, rolled, 3.0, (0.85, 1.2)),
+        ("rock", "block", config.blocks, rolled, 1.2, (0.75, 1.3)),
+        ("slab", "slab", config.slabs, rolled, 1.5, (0.7, 1.2)),
     ):
-        group = ObjectGroup(kind=kind, meshes=meshes, count=count, spacing=spacing, scales=scales, tint=0.08)
+        group = ObjectGroup(kind=kind, meshes=rocks[made], count=count, spacing=spacing, scales=scales, tint=0.08)
         scatter_rocks(builder, group, rng, density)
 
 
@@ -352,30 +350,11 @@ def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: n
     def gravel(xy: Array) -> Array:
         return np.clip(1 - 0.85 * ground.share("turf", xy) - 0.4 * ground.share("rock", xy), 0, 1)
 
-    stones = _make_rocks("scree granite slab", "stone", (0.13, 0.2), 180, 4, rng)
-    pebbles = _make_rocks("scree granite", "pebble", (0.04, 0.07), 80, 5, rng)
+    stones, pebbles = (config.planter.grow(group, rng) for group in ("stone", "pebble"))
     if config.stones:
         builder.scatter_swarm(config.planter.swarm("stones", stones, per_m2=config.stones), rng, loose)
     if config.pebbles:
         builder.scatter_swarm(config.planter.swarm("pebbles", pebbles, per_m2=config.pebbles), rng, gravel)
-
-
-def _make_rocks(
-    types: str, name: str, sizes: tuple[float, float], triangles: int, count: int, rng: np.random.Generator
-) -> list[Mesh]:
-    """Make ``count`` rocks of each of the types (words), of sizes between two bounds [m]."""
-    return [
-        make_rock(
-            ROCK_TYPES[rock_type],
-            name=f"{name}_{rock_type}_{k}",
-            size=float(rng.uniform(*sizes)),
-            rng=rng,
-            triangles=triangles,
-            solid=sizes[1] > 0.3,
-        )
-        for k in range(count)
-        for rock_type in types.split()
-    ]
 
 
 def scatter_beyond_edge(
