@@ -235,7 +235,7 @@ def test_views_cover_the_classes_of_the_park(views: list[View]) -> None:
         sky = image.label == Label.SKY
         assert np.array_equal(sky, image.instance == 0)
         assert np.array_equal(sky, image.depth == 0)
-        colours = {tuple(c) for c in tag_image(image.label).reshape(-1, 3)[::7].tolist()}
+        colours = set(map(tuple, np.unique(tag_image(image.label).reshape(-1, 3)[::7], axis=0).tolist()))
         assert colours <= {tuple(c) for c in PALETTE[1:].tolist()}
     assert all(view.scan.instance.min() > 0 for view in views)
 
