@@ -6,7 +6,7 @@ Up to a hundred frames of the left camera or the LiDAR are read, in random order
 the process, so that other load matters little.
 """
 
-import sys
+import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -48,7 +48,9 @@ def read(dataset: RunDataset, order: Sequence[int]) -> None:
 
 
 def main() -> None:
-    run = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path)
+    run = parser.parse_args().run
     rng = np.random.default_rng(0)
     print(f"{'items':<74}{'opened in':>12}{'frames':>8}{'random':>9}{'in order':>10}  a second of CPU")
     for items in SETS:

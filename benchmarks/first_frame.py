@@ -5,6 +5,7 @@
 Run: python benchmarks/first_frame.py. For the second frame, world, light and kernels come from the cache.
 """
 
+import argparse
 import os
 import subprocess
 import sys
@@ -22,6 +23,7 @@ print(ft.Camera(ft.CameraConfig(), ft.bake(scene)).render(pose).label.shape)
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     with TemporaryDirectory() as folder:
         python = str(Path(folder, "venv", "bin", "python"))
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}

@@ -7,7 +7,7 @@
 docs/environments.md compares the figures of the forest with published ones.
 """
 
-import sys
+import argparse
 from typing import Final
 
 import numpy as np
@@ -33,9 +33,12 @@ def volume(world: World, kind: str) -> float:
     return total
 
 
-def main(environment: str = "forest", seed: str = "0") -> None:
+def main() -> None:
     """Print the figures."""
-    world = load_world(environment, int(seed))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("environment", nargs="?", default="forest")
+    parser.add_argument("seed", nargs="?", type=int, default=0)
+    world = load_world(**vars(parser.parse_args()))
     hectares = world.size[0] * world.size[1] / 1e4
     rows = [dict(zip(COLUMNS, row, strict=True)) for row in inventory(world)]
     names = np.array([str(row["species"]) for row in rows])
@@ -66,4 +69,4 @@ def main(environment: str = "forest", seed: str = "0") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -8,8 +8,8 @@ Times are processor time, which other work slows little. The poses are those of 
 photographs are made in turns, and the best try of each pose counts.
 """
 
+import argparse
 import resource
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -88,7 +88,9 @@ def _seconds(sensor: Sensor, pose: Array) -> float:
 
 
 def main() -> None:
-    side = float(sys.argv[1]) if len(sys.argv) > 1 else 1000.0
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("side", nargs="?", type=float, default=1000.0)
+    side = parser.parse_args().side
     settings = settings_of("forest")
     world = timed("build", lambda: build_world("forest", settings.experiment.seed, {"size": (side, side)}))
     members = sum(len(swarm.mesh) for swarm in world.swarms)

@@ -11,6 +11,7 @@ Run: python benchmarks/memory.py [ROW ...]     without names: all rows of the ta
 - seals: CPU time for sealing and syncing slices over that of the run.
 """
 
+import argparse
 import json
 import os
 import sys
@@ -142,8 +143,11 @@ def main() -> None:
         figures = measure(row, out)
         (out / "result.json").write_text(json.dumps(figures))
         return
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rows", nargs="*", default=list(ROWS))
+    names = parser.parse_args().rows
     print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
-    for name in sys.argv[1:] or ROWS:
+    for name in names:
         row = ROWS[name]
         with tempfile.TemporaryDirectory() as warm, tempfile.TemporaryDirectory() as folder:
             in_child(row._replace(seconds=1.0), Path(warm))

@@ -39,7 +39,7 @@ def render_until(shading: Shading, framebuffer: Framebuffer, view: View, labels:
     """Render the pixels' centres with the first steps of ``STEPS``, up to number ``last``; without water and wires."""
     buffers, linear, _ = framebuffer
     height, width, _ = linear.shape
-    batch, pixel = buffers.batch, 1.0 / view.pinhole.fx
+    batch, pixel = buffers.batch, 1.0 / view.intrinsics.fx
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
             count = set_pixel_block(upper, left, height, width, batch.image)

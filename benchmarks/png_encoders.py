@@ -7,7 +7,7 @@ Encoders that are not installed are skipped. To install all:
 pip install pillow imagecodecs opencv-python-headless fpng deflate zlib-ng isal
 """
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -135,7 +135,9 @@ def from_jpeg_to_disk(bag: Path) -> tuple[int, float, float]:
 
 
 def main() -> None:
-    bag = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("bag", type=Path)
+    bag = parser.parse_args().bag
     images = sample(bag)
     height, width = next(iter(images.values()))[0].shape[:2]
     print(f"{width} x {height}: images per second of processor time, and kB per image")

@@ -6,7 +6,7 @@ Run: python benchmarks/rays.py [cast]; with ``cast``, the latter alone: a millio
 Bare Embree has them in packet order already and keeps the distance only.
 """
 
-import sys
+import argparse
 from collections.abc import Callable
 from time import perf_counter
 from typing import Any
@@ -87,9 +87,11 @@ def compare_casts() -> None:
 
 
 def main() -> None:
-    experiment = ft.load_experiment("park_1")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("only", nargs="?", choices=["cast"])
+    only = parser.parse_args().only
     compare_casts()
-    if sys.argv[1:] == ["cast"]:
+    if only:
         return
     experiment = ft.load_experiment("park_1")
     world = ft.load_world(experiment.environment, experiment.seed)

@@ -10,6 +10,7 @@ Run: python benchmarks/scaling.py
   of trees differs; a forest thinned to a tenth would show more sky instead, which costs nothing.
 """
 
+import argparse
 from dataclasses import replace
 from itertools import product
 from time import perf_counter
@@ -83,6 +84,7 @@ def _seconds(camera: Camera, pose: Array) -> float:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     park, forest = settings_of("park"), settings_of("forest")
     meadow, wood = (load_world(each.experiment.environment, each.experiment.seed) for each in (park, forest))
     print(f"forest_over_park_image {image_time_ratio((wood, forest), (meadow, park)):.3f}", flush=True)

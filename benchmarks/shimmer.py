@@ -102,7 +102,7 @@ def main() -> None:
     for name, (along, turn) in MOVES.items():
         parts = [
             difference(
-                camera, camera.pinhole, p @ on_robot, p @ ft.transforms.pose((along, 0, 0), (0, 0, turn)) @ on_robot
+                camera, camera.intrinsics, p @ on_robot, p @ ft.transforms.pose((along, 0, 0), (0, 0, turn)) @ on_robot
             )
             for p in poses
         ]

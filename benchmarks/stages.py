@@ -6,6 +6,7 @@ Run: python benchmarks/stages.py [ENVIRONMENT ...], by default in the park. Worl
 folder, so that nothing of an earlier run is used but compiled kernels. Docs: docs/benchmarks.md.
 """
 
+import argparse
 import json
 import os
 import subprocess
@@ -83,10 +84,13 @@ def main() -> None:
     if sys.argv[1:2] == ["--json"]:
         print(json.dumps(stages(sys.argv[2])))
         return
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("environments", nargs="*", default=["park"])
+    environments = parser.parse_args().environments
     with TemporaryDirectory() as warm:  # kernels are compiled before the clock runs
         environment = os.environ | {"XDG_CACHE_HOME": warm}
         subprocess.run([sys.executable, "-c", FIRST_FRAME, "park"], check=True, env=environment)
-        for name in sys.argv[1:] or ["park"]:  # each in its own process, for its own peak memory
+        for name in environments:  # each in its own process, for its own peak memory
             for path in Path(warm, "fieldtruth").glob("*.npz"):
                 path.unlink()
             command = [sys.executable, __file__, "--json", name]

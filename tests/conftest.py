@@ -3,22 +3,30 @@
 """Shared fixtures: made once, and not changed by tests."""
 
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from filelock import FileLock
+from kept_worlds import Kept
+from many_sensors import many_rig
+from numpy.random import Generator
+from small_park import in_small_park
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.run import open_run
-from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
+from fieldtruth.experiment.light_config import Light
+from fieldtruth.exporters import FORMATS, export
+from fieldtruth.pipeline import generate
+from fieldtruth.render import daylight
+from fieldtruth.render.daylight import Daylight
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.validation import Check, world
+from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
@@ -26,40 +34,55 @@ if TYPE_CHECKING:
     from browser_tab import Tab
     from report_pages import Page
 
-    from fieldtruth.render.bake import BakedScene
-
 _LEAN_NS: Final = 520_000_000
+Once = Callable[[str, Callable[[Path], object]], Path]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files of tests in an order in which the first worker compiles the kernels while the second needs none.
+    """Files in an order in which two workers build little twice and end together.
 
-    The first file makes the small run, which compiles them all; the next ones make and look at worlds.
+    Each worker begins with a half of the list, and takes from the end of the other's when it has none left. The run in
+    the park, its world and its light are for the first half. Files of few tests have the long ones and come before
+    those of many.
     """
-
-    def place(item: pytest.Item) -> int:
-        if item.path.name == "test_annotate.py":
-            return 0
-        return 1 if item.path.parent.name in ("world", "campaign", "cluster") else 2
-
-    items.sort(key=place)
+    tests = Counter(item.path for item in items)
+    of_run = {item.path for item in items if "small_run" in getattr(item, "fixturenames", ())}
+    items.sort(key=lambda item: (item.path not in of_run, item.path.name != "test_annotate.py", tests[item.path]))
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
-    from fieldtruth.pipeline import generate
+def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Once:
+    """Folder of a name, filled by the first worker that asks for it; all of them use it."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base if worker_id == "master" else base.parent
 
+    def filled(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, full = shared / f"once_{name}", shared / f"once_{name}.full"
+        with FileLock(shared / f"once_{name}.lock"):
+            if not full.exists():
+                folder.mkdir(exist_ok=True)
+                fill(folder)
+                full.touch()
+        return folder
+
+    return filled
+
+
+def _small_experiment() -> Experiment:
     values = load_experiment("park_1").model_dump()
     values["seconds"] = 1.2
     values["rig"]["cameras"] = {"width": 320, "height": 184, "depth": True, "instances": True}
-    base = tmp_path_factory.getbasetemp()
-    shared = (base.parent if worker_id != "master" else base) / "small_run"  # the first of the workers makes it
-    shared.mkdir(exist_ok=True)
-    with FileLock(shared / "lock"):
-        if not (shared / "park_1" / "park_1.bag").exists():
-            generate(Experiment.model_validate(values), shared)
-    return shared / "park_1"
+    return Experiment.model_validate(values)
+
+
+@pytest.fixture(scope="session")
+def small_run(once: Once, request: pytest.FixtureRequest) -> Path:
+    """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
+
+    def fill(folder: Path) -> None:
+        generate(_small_experiment(), folder, scene=request.getfixturevalue("park").scene)
+
+    return once("small_run", fill) / "park_1"
 
 
 @pytest.fixture(scope="session")
@@ -105,46 +128,38 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def park(small_run: Path) -> SensorWorld:
+def kept() -> Kept:
+    """Worlds, scenes, light and second tracers, each made once."""
+    return Kept()
+
+
+@pytest.fixture(scope="session")
+def park(kept: Kept) -> SensorWorld:
     """World, scene and light of park_1."""
-    found, why = world.rebuild(open_run(small_run), quick=False, progress=Silent())
-    assert found is not None, why
-    assert found.baked
-    return found
+    made = _small_experiment()
+    world = kept.world_of(made)
+    lit = kept.bake(kept.scene(world), made.light, made.weather)
+    return SensorWorld(world, made.rig, made.light, made.weather, baked=lit, seed=made.seed)
 
 
 @pytest.fixture(scope="module")
-def in_park(park: SensorWorld) -> Iterator[None]:
-    """Runs in park_1's world use it with its scene and light as they are built, because to load them takes seconds."""
-    from fieldtruth.render.bake import bake
-    from fieldtruth.sense.scene import Scene
-    from fieldtruth.world.build import world_of
-
-    light = load_experiment("park_1").light
-
-    def is_park(e: Experiment) -> bool:
-        return (e.environment, e.seed, e.layout) == ("park", 0, {})
-
-    def baked(scene: Scene, towards: LightConfig, weather: WeatherConfig) -> "BakedScene":
-        same = weather.is_clear and (scene, towards) == (park.scene, light)
-        return park.baked if same else bake(scene, towards, weather)
-
+def in_park(kept: Kept) -> Iterator[None]:
+    """Runs in the full park, in the small one and in others use worlds, scenes and light that were made before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fieldtruth.simulation.stepped.world_of", lambda e: park.world if is_park(e) else world_of(e))
-        sensors = "fieldtruth.sensors.kind"
-        patch.setattr(f"{sensors}.Scene", lambda world: park.scene if world is park.world else Scene(world))
-        patch.setattr(f"{sensors}.bake", baked)
+        patch.setattr("fieldtruth.annotation.load_world", kept.load_world)
+        patch.setattr("fieldtruth.validation.rays.ReferenceTracer", kept.tracer)
+        for module in ("simulation.stepped", "validation.world", "exporters.amodal", "report.page.map"):
+            patch.setattr(f"fieldtruth.{module}.world_of", kept.world_of)
+        for module in ("sensors.kind", "validation.world", "report.page.map", "report.preview"):
+            patch.setattr(f"fieldtruth.{module}.Scene", kept.scene)
+        for module in ("sensors.kind", "report.page.map", "report.preview"):
+            patch.setattr(f"fieldtruth.{module}.bake", kept.bake)
         yield
 
 
 @pytest.fixture
-def validate_in_park(park: SensorWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
+def validate_in_park(in_park: None) -> Callable[..., list[Check]]:
     """``validate`` with the world already built."""
-
-    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[SensorWorld | None, str]:
-        return (None, "quick") if quick else (park, "")
-
-    monkeypatch.setattr(world, "rebuild", rebuild)
     return validate
 
 
@@ -153,23 +168,18 @@ def validate_in_park(park: SensorWorld, monkeypatch: pytest.MonkeyPatch) -> Call
 
 
 @pytest.fixture(scope="session")
-def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> "Page":
+def page(small_run: Path, once: Once) -> "Page":
     """HTML page of the small run."""
-    from report_pages import page_of
+    from report_pages import Page, write_page
 
-    return page_of(small_run, tmp_path_factory.mktemp("page") / "page.html")
+    return Page(once("page", lambda folder: write_page(small_run, folder / "page.html")) / "page.html")
 
 
 @pytest.fixture(scope="session")
-def many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of 0.42 s in the park with the rig of ``many_sensors``. Copy what you want to change."""
-    from many_sensors import many_rig
-
-    from fieldtruth.pipeline import generate
-
-    changes = {"name": "many", "seconds": 0.42, "rig": many_rig()}
-    bag = generate(load_experiment("park_1").model_copy(update=changes), tmp_path_factory.mktemp("many_run"))
-    return bag.parent
+def many_run(once: Once) -> Path:
+    """Folder of 0.42 s in the small park with the rig of ``many_sensors``. Copy what you want to change."""
+    made = in_small_park(name="many", seconds=0.42, rig=many_rig())
+    return once("many_run", lambda folder: generate(made, folder)) / "many"
 
 
 @pytest.fixture(scope="session")
@@ -232,34 +242,47 @@ def brief_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.fixture(scope="session")
-def faked_many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def faked_many_run(once: Once) -> Path:
     """Folder of 0.6 s with two LiDARs, five cameras, two IMUs and two antennas, whose images and clouds are fakes."""
     from many_recording import record_many
 
-    return record_many(tmp_path_factory.mktemp("many"))
+    return once("faked_many_run", record_many) / "many"
 
 
 @pytest.fixture(scope="session")
-def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
     """Export of the small run in a format, made once with two workers."""
-    from fieldtruth.exporters import FORMATS, export
-
-    folder, made = tmp_path_factory.mktemp("exported"), dict[str, Path]()
 
     def export_once(to: str) -> Path:
-        if to not in made:
-            made[to] = export(small_run, to, out=folder / f"park_1{FORMATS[to].suffix}", workers=2)
-        return made[to]
+        name = f"park_1{FORMATS[to].suffix}"
+        return once(f"as_{to}", lambda folder: export(small_run, to, out=folder / name, workers=2)) / name
 
     return export_once
 
 
+_SMALL_SKIES: Final = (
+    "render", "simulation", "test_bench", "test_examples", "test_camera_in_rain", "test_camera_shutter",
+    "test_camera_signal_runs", "test_preview_sheet", "test_preview_parts", "test_report_many_sensors",
+    "test_own_meshes", "test_ids_of_hits", "test_visible_robot", "test_validation_lenses", "test_geometry_images",
+)  # fmt: skip
+"""Folders and files of tests in small worlds."""
+_DAYS: Final = dict[Any, Daylight]()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Skies of 512 x 512 texels in tests of photographs and of the benchmark: one of the full size takes seconds."""
-    with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name in {"render", "simulation"} or request.path.name == "test_bench.py":
-            from fieldtruth.render import daylight
+    """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds."""
 
+    def day_of(
+        light: Light, size: tuple[float, float], rng: Generator, pool: ThreadPoolExecutor, texels: int
+    ) -> Daylight:
+        key = light, size, str(rng.bit_generator.state), texels
+        if key not in _DAYS:
+            _DAYS[key] = daylight.metered_daylight(light, size, rng, pool, texels)
+        return _DAYS[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name in _SMALL_SKIES or request.path.stem in _SMALL_SKIES:
             patch.setattr(daylight, "DOME_TEXELS", 512)
+            patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
         yield

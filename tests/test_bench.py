@@ -14,6 +14,7 @@ import pytest
 from many_sensors import many_rig
 from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
+from small_park import RIG, in_small_park, small_park
 from views import poses_on_route
 
 from fieldtruth.bench import Settings, measure, settings_of, table, unit_of
@@ -21,45 +22,30 @@ from fieldtruth.bench.sensors import MODES, BareTracer, Mode, Stretches, best_mo
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
-from fieldtruth.experiment.config import Experiment, metres_from_route, route_from_metres
-from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.config import metres_from_route
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.sensors.camera.sensor import pixel_directions
-from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.environments.park.build import build as build_park
-from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import World
 
-RIG = paper_rig(cameras=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
-EXPERIMENT = Experiment(
-    name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
-)
+EXPERIMENT = in_small_park(rig=RIG)
 FIGURES = (
     *("lidar_mrays_per_s", "lidar_bare_mrays_per_s", "lidar_over_bare"),
     *("camera_mrays_per_s", "camera_bare_mrays_per_s", "label_image_over_bare", "photograph_over_bare"),
     *("normals_over_bare", "flow_over_bare", "images_per_s", "pairs_per_s", "image_efficiency", "peak_rss_mb"),
 )
-ONE_OF_EACH = ("large_trees", "small_trees", "benches", "lamp_posts", "tables", "trash_bins", "individuals")
-PARK = ParkConfig.model_validate(
-    {"size": (24.0, 24.0), "trails": (((-14, -6), (14, -6)),), "bushes": 2, **dict.fromkeys(ONE_OF_EACH, 1)}
-)
 
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_park(0, [], PARK)
-
-
-@pytest.fixture
-def _small_park(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldtruth.world.environments.park.build.build", lambda seed, corridors, config: world)
+    return small_park()
 
 
 def spread(rows: int, columns: int) -> NDArray[np.float32]:
@@ -160,12 +146,8 @@ def test_rows_of_stretches_are_consecutive_and_each_in_its_second() -> None:
     assert [len(each) for each in Stretches((1, 3, 4), 99).rows(stamps)] == [25, 25, 0]
 
 
-@pytest.mark.usefixtures("_small_park")
-def test_photographs_that_are_timed_are_those_that_are_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_photographs_that_are_timed_are_those_that_are_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Photographs take a time that depends on the pose, bare rays half of it, and nothing else any: the ratio is 2."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     clock = threading.local()
 
     def passing(work: Callable[..., Any], share: float) -> Callable[..., Any]:
@@ -189,11 +171,9 @@ def test_photographs_that_are_timed_are_those_that_are_recorded(
     assert found["image_efficiency"] == pytest.approx(0.5, rel=1e-9)
 
 
-@pytest.mark.usefixtures("_small_park")
 def test_reduced_run_gives_every_figure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     figures = measure(Settings(experiment=EXPERIMENT, views=2))
     assert list(json.loads(json.dumps(figures))) == list(FIGURES)
@@ -201,12 +181,8 @@ def test_reduced_run_gives_every_figure(
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.usefixtures("_small_park")
 @pytest.mark.parametrize("names", [("top", "front", "fisheye"), ("top",)])
-def test_figures_are_those_of_the_sensors_that_a_rig_has(
-    names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def test_figures_are_those_of_the_sensors_that_a_rig_has(names: tuple[str, ...]) -> None:
     sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
     experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
     figures = measure(Settings(experiment=experiment, views=1))
@@ -226,11 +202,7 @@ def test_pixels_outside_the_image_circle_have_finite_bare_rays() -> None:
     assert (rays[48, :, 2] < 0).any()  # beyond 180 deg
 
 
-@pytest.mark.usefixtures("_small_park")
-def test_a_recording_has_the_readings_of_every_sensor(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def test_a_recording_has_the_readings_of_every_sensor(world: World) -> None:
     track, baked = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4})), bake(Scene(world), EXPERIMENT.light)
     with recording(baked, track, many_rig(), Stretches((0,), 99), workers=1) as slices:
         slices.make_one(0)
@@ -272,9 +244,7 @@ def test_copies_of_trees_surround_the_world(world: World) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("_small_park")
-def test_ratio_of_image_times_is_finite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world: World) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_ratio_of_image_times_is_finite(world: World) -> None:
     settings = Settings(experiment=EXPERIMENT, views=2)
     ratio = image_time_ratio((with_trees_around(world), settings), (world, settings))
     assert math.isfinite(ratio)

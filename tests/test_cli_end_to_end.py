@@ -11,6 +11,7 @@ from fieldtruth import cli
 from fieldtruth.bag.decode import count_messages
 
 
+@pytest.mark.usefixtures("in_park")
 def test_bag_is_made_kept_replaced_and_reproduced_from_its_experiment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

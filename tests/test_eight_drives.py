@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import paper_topics
 import pytest
+from imu_integration import errors
 
 from fieldtruth.bag import topics
 from fieldtruth.bag.messages import ModelStatesWriter
@@ -22,6 +23,7 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment, metres_from_route
 from fieldtruth.experiment.files import EXPERIMENTS, load_experiment
 from fieldtruth.record.streams import streams_of
+from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
@@ -125,6 +127,14 @@ def test_robot_tilts_on_the_hillside_and_not_in_the_park() -> None:
     assert tilt["hillside_1"].mean() > 6.0
     # The steepest slope of a route, and a wheel on a stone; 16 on smooth ground.
     assert tilt["hillside_1"].max() < 13.0 + 7.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["park_1", "lake_1", "forest_1", "hillside_1"])
+def test_imu_readings_of_a_minute_integrate_to_the_pose(name: str) -> None:
+    attitude, _, position = errors(driven(name)[2].motion.first(60_000), ImuConfig())
+    assert attitude < 0.01
+    assert position < 0.05
 
 
 @pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])

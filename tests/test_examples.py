@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_worlds import Kept
 from matplotlib.image import imread
 from rosbags.rosbag1 import Reader, Writer
 
@@ -23,9 +24,11 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 
 @pytest.fixture
-def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> RunExample:
+def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kept: Kept) -> RunExample:
     """Run an example as a script with arguments, and return the lines that it prints."""
     monkeypatch.setenv("MPLBACKEND", "agg")
+    for name, made_once in {"load_world": kept.load_world, "Scene": kept.scene, "bake": kept.bake}.items():
+        monkeypatch.setattr(ft, name, made_once)
 
     def run(name: str, *arguments: object) -> list[str]:
         monkeypatch.setattr("sys.argv", [name, *map(str, arguments)])

@@ -110,6 +110,7 @@ def sections_of(page: Path) -> dict[str, str]:
     return {str(section.get("id")): " ".join("".join(section.itertext()).split()) for section in root.iter("section")}
 
 
+@pytest.mark.usefixtures("in_park")
 def test_the_report_shows_what_there_is(
     bags: dict[str, Path], small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,10 +10,14 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from small_park import in_small_park
 
 import fieldtruth
 from fieldtruth.core.cache import cache_folder
 from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
+from fieldtruth.experiment.files import dump_experiment
+from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.sensors.camera.config import StereoConfig
 
 USE = """
 import importlib, pkgutil
@@ -24,6 +28,12 @@ for name in names:
         importlib.import_module(name)
 from fieldtruth.kernels.tyre import dot
 print(len(names), dot((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
+"""
+COMMANDS = """
+import sys
+from fieldtruth.cli import main
+for command in sys.argv[1:]:
+    assert main(command.split()) == 0, command
 """
 
 
@@ -58,12 +68,18 @@ def test_every_module_is_imported_and_kernels_run(read_only: dict[str, str], tmp
 
 @pytest.mark.slow
 def test_runs_are_made_checked_and_annotated(read_only: dict[str, str], tmp_path: Path) -> None:
-    work, command = tmp_path / "work", ("-m", "fieldtruth.cli")
-    run(read_only, work, *command, "generate", "park_1", "--seconds", "0.1", "--no-cameras", "--out", "run")
-    assert " 0 failed" in run(read_only, work, *command, "validate", "run/park_1")
-    words = ("annotate", "run/park_1/park_1.bag", "--environment", "park", "--out", "annotated.bag")
-    run(read_only, work, *command, *words)
-    assert {path.name for path in work.iterdir()} == {"run", "annotated.bag"}
+    """Three commands in one process, which compiles for itself."""
+    work = tmp_path / "work"
+    rig = paper_rig(cameras=StereoConfig(width=64, height=48))
+    experiment = tmp_path / "small.yaml"
+    experiment.write_text(dump_experiment(in_small_park(seconds=0.1, rig=rig)))
+    commands = [
+        f"generate {experiment} --out run",
+        "validate run/small",
+        "annotate run/small/small.bag --environment park --experiment run/small/experiment.yaml --lidar --out new.bag",
+    ]
+    assert " 0 failed" in run(read_only, work, "-c", COMMANDS, *commands)
+    assert {path.name for path in work.iterdir()} == {"run", "new.bag"}
 
 
 def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,13 +15,13 @@ FULL = "error: cannot write to standard output: no space left on device\n"
 TO_FILE = ["rig", "park_1", "--to", "urdf", "--out", "数据.urdf"]
 RESULTS = [
     ["list"],
-    ["list", "sensors"],
-    ["--help"],
     ["generate", "--help"],
-    ["--version"],
     ["rig", "park_1", "--to", "urdf"],
     ["status", "."],
-    ["cache"],
+    *(
+        pytest.param(each, marks=pytest.mark.slow)
+        for each in (["list", "sensors"], ["--help"], ["--version"], ["cache"])
+    ),
 ]
 
 

@@ -21,11 +21,12 @@ from fieldtruth.bag.file import BAG_ENDINGS, BagError, find_bag, is_database
 from fieldtruth.bag.geometry import Lens, Poses
 from fieldtruth.bag.readings import Readings, nearest, reflectivity
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.topics import EXTRAS, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image, Reading
+from fieldtruth.experiment.sensor_families import IMAGES
 from fieldtruth.ontology import LabelMap, label_map_of
 
 Anchor = Literal["camera", "lidar"]
@@ -202,7 +203,7 @@ class RunDataset:
         self.run = open_run(Path(path))
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
-        chosen = {kind: self._chosen(kind, name) for kind, name in zip(ROLES, (camera, lidar), strict=True)}
+        chosen = {Image: self._chosen(Image, camera), Cloud: self._chosen(Cloud, lidar)}
         used = [kind for kind in ROLES if kind in needed or kind is self._anchor]
         self._readings = {kind: self._open(kind, chosen[kind]) for kind in used}
         self._poses = self.run.poses if "pose" in self.items else None
@@ -290,7 +291,7 @@ class RunDataset:
             topic = source.topics[part]
             if topic not in run.counts and part in EXTRAS:
                 raise BagError(
-                    f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {PARTS[part]}` records it"
+                    f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {IMAGES[part]}` records it"
                 )
         return run.readings(source.name, parts, labelled="labels" in items)
 

@@ -43,6 +43,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds
 WALL = 1_600_000_000 * 10**9  # [ns]
 LEFT_TAG = "/stereo/camera/left/tag/img_raw"
+pytestmark = pytest.mark.usefixtures("in_park")
 
 
 Annotate = Callable[..., Path]

@@ -21,9 +21,12 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.sensor import camera_matrix
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 
@@ -42,9 +45,13 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def annotated(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("gazebo") / "annotated.bag"
-    return annotate(EXCERPT, "park", rig=RIG, out=out, scene=scene)
+def annotated(scene: Scene, park: SensorWorld, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With the light of the park on its finer ground, as photographs are not looked at and light takes long."""
+    out, light = tmp_path_factory.mktemp("gazebo") / "annotated.bag", park.baked.shading
+    lit = BakedScene(scene=scene, shading=shading_of(scene, light.light, light.materials, light.air))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fieldtruth.sensors.kind.bake", lambda *_: lit)
+        return annotate(EXCERPT, "park", rig=RIG, out=out, scene=scene)
 
 
 def beams(message: Any) -> tuple[Array, Array]:

@@ -17,10 +17,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, FieldtruthWarning
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 RIG = Rig()
@@ -140,11 +139,6 @@ def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
 # Bags that cannot be annotated
 
 
-@pytest.fixture(scope="module")
-def scene() -> Scene:
-    return Scene(load_world("park", 0))
-
-
 def gap(park: World) -> list[Message]:
     return [*drive(last=20), *drive(first=35, last=40)]
 
@@ -240,12 +234,16 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
 
 @pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
 def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
-    make: Callable[[World], list[Message]], line: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make: Callable[[World], list[Message]],
+    line: str,
+    park: SensorWorld,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    bag = write(Path("x.bag"), make(scene.world))
+    bag = write(Path("x.bag"), make(park.world))
     with pytest.raises(FieldtruthError) as error:
-        annotate(bag, "park", scene=scene)
+        annotate(bag, "park", scene=park.scene)
     text = str(error.value).replace(f"{tmp_path}/", "")
     assert line in text
     assert "\n" not in text

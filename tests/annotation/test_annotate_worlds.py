@@ -54,7 +54,9 @@ def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
     check_objects(open_run(EXCERPT), park)  # recorded by Gazebo, on ground of a coarser grid
 
 
-@pytest.mark.parametrize("name", ["lake", "forest", "hillside"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(each, marks=pytest.mark.slow) for each in ("lake", "forest")), "hillside"]
+)
 def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: str, tmp_path: Path) -> None:
     check(tmp_path, models_of(load_world(name, 0, DEFAULT_LAYOUT)), load_world(name))
 
@@ -70,7 +72,7 @@ def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Pat
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["lake", "hillside"])
+@pytest.mark.parametrize("name", [pytest.param("lake", marks=pytest.mark.slow), "hillside"])
 def test_another_seed_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match=f"objects of {name} with seed 1 match; .* is at x "):
         check(tmp_path, models_of(load_world(name, 0)), load_world(name, 1))

@@ -24,8 +24,8 @@ pytestmark = pytest.mark.slow  # full-size images
 
 @pytest.fixture(scope="module")
 def park_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the first simulated second of park_1, with every sensor at full resolution."""
-    experiment = with_overrides(load_experiment("park_1"), seconds=1.0)
+    """Return the beginning of park_1, with every sensor at full resolution."""
+    experiment = with_overrides(load_experiment("park_1"), seconds=0.6)
     return generate(experiment, tmp_path_factory.mktemp("park_bag"))
 
 
@@ -56,9 +56,9 @@ def test_lidar_points_land_on_pixels_of_their_class_and_depth(park_bag: Path, si
     rig = Rig()
     camera = LabelCamera(rig.stereo, Scene(load_world("park", 0)))
     common = sorted(set(clouds) & set(tags))
-    assert len(common) == 5
+    assert len(common) == 3
     compared = 0
-    for stamp in common[::2]:
+    for stamp in common:
         info, cloud = infos[stamp], points(clouds[stamp])
         fx, _, cx, _, fy, cy, *_ = info.K
         xyz = np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=-1)

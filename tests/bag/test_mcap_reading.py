@@ -163,6 +163,7 @@ def test_checks_pass_as_of_the_bag(small_run: Path, made: Path) -> None:
     assert passed - {check.name for check in theirs if check.passed} == {"checksums"}
 
 
+@pytest.mark.usefixtures("in_park")
 def test_a_report_and_a_folder_of_runs(made: Path, tmp_path: Path) -> None:
     write_report(made, out=tmp_path / "report.html")
     assert "park_1" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -22,7 +22,7 @@ import fieldtruth as ft
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import rising_rows
-from fieldtruth.bag.run import open_run
+from fieldtruth.bag.run import misfits, open_run
 from fieldtruth.bag.topics import sources_of
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
@@ -193,8 +193,11 @@ def test_fields_of_clouds_that_the_experiment_does_not_have_are_said(
     assert run.experiment is not None
     rig = run.experiment.rig.with_sensors(ft.LidarConfig, **changes)
     other = replace(run, experiment=run.experiment.model_copy(update={"rig": rig}))
-    with pytest.warns(FieldtruthWarning, match=f"points has {text}, unlike experiment.yaml; the bag counts"):
+    assert f"does not fit the bag: /os1_cloud_node/points has {text}" in misfits(other)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # it is said once
         assert len(other["lidar"]) > 0
+    assert not misfits(run)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

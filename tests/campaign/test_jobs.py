@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from small_park import in_small_park
 
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
@@ -23,15 +24,16 @@ from fieldtruth.campaign.state import Failure, Kind, Manifest, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.core.files import LOCK_OWNER
 from fieldtruth.core.progress import Silent
-from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.pipeline import generate
+from fieldtruth.sensors.camera.config import StereoConfig
 
 
 def park(seconds: float, count: int = 2) -> Campaign:
-    """Runs of the park without cameras, whose world other tests have built."""
-    experiments = [with_overrides(load_experiment("park_1"), seconds=seconds, cameras=False)] * count
-    named = [e.model_copy(update={"name": f"p{k}", "seconds": seconds - 0.1 * k}) for k, e in enumerate(experiments)]
-    return Campaign(name="parks", experiments=tuple(named))
+    """Runs of a small park without cameras."""
+    rig = paper_rig(cameras=StereoConfig(enabled=False))
+    experiments = [in_small_park(name=f"p{k}", seconds=seconds - 0.1 * k, rig=rig) for k in range(count)]
+    return Campaign(name="parks", experiments=tuple(experiments))
 
 
 def with_tiny_cameras(campaign: Campaign) -> Campaign:
@@ -111,7 +113,7 @@ def test_kills_at_random_moments_leave_the_bytes_of_an_undisturbed_campaign(tmp_
 
 @pytest.mark.slow
 def test_an_estimate_of_bytes_is_near_the_truth(tmp_path: Path) -> None:
-    planned = with_changes(park(10.0), seconds=8.0)
+    planned = with_changes(park(6.0), seconds=4.0)
     runs = draw(planned)
     expected = estimate(runs, tmp_path / "out", jobs=1, workers=1, progress=Silent())
     assert list((tmp_path / "out").glob("*")) == []  # there is no such folder if the figures were cached

@@ -4,56 +4,17 @@
 
 import numpy as np
 import pytest
+from imu_integration import errors
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
-from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.simulate import drive
+from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.imu.sensing import ImuReadings, point_velocity, read_imu
+from fieldtruth.sensors.imu.sensing import read_imu
 from fieldtruth.simulation.motion import motion_along
-from fieldtruth.world.build import world_of
 
 UPRIGHT = Mount(xyz=(0.0, 0.0, 0.0))
-GRAVITY = np.array([0.0, 0.0, 9.81])
-
-
-def true_state(motion: Motion, stamp_ns: int, config: ImuConfig) -> tuple[Array, Array, Array]:
-    """Attitude (3, 3), velocity (3,) [m/s] and position (3,) [m] of the IMU, as a user gets them from odometry."""
-    row, base_from_imu = int(np.searchsorted(motion.stamps_ns, stamp_ns)), config.mount.base_from_sensor
-    world_from_base = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[row])
-    velocity = point_velocity(motion, np.array([row]), base_from_imu[:3, 3])[0]
-    return (
-        world_from_base @ base_from_imu[:3, :3],
-        velocity,
-        motion.position[row] + world_from_base @ base_from_imu[:3, 3],
-    )
-
-
-def integrated(imu: ImuReadings, attitude: Array, velocity: Array, position: Array) -> tuple[Array, Array, Array]:
-    """State at the last reading, from that at the first one."""
-    seconds = np.diff(imu.stamps_ns) / 1e9
-    turns = Rotation.from_rotvec(imu.angular_velocity[1:] * seconds[:, None]).as_matrix()
-    for dt, turn, force in zip(seconds, turns, imu.linear_acceleration[1:], strict=True):
-        attitude = attitude @ turn
-        velocity = velocity + (attitude @ force - GRAVITY) * dt
-        position = position + velocity * dt
-    return attitude, velocity, position
-
-
-def errors(motion: Motion, config: ImuConfig) -> tuple[float, float, float]:
-    """Errors of attitude [deg], velocity [m/s] and position [m] at the last reading, integrated from the first one."""
-    imu = read_imu(motion, config)
-    first, last = int(imu.stamps_ns[0]), int(imu.stamps_ns[-1])
-    attitude, velocity, position = integrated(imu, *true_state(motion, first, config))
-    true_attitude, true_velocity, true_position = true_state(motion, last, config)
-    angle = Rotation.from_matrix(attitude.T @ true_attitude).magnitude()
-    moved, offset = np.linalg.norm(velocity - true_velocity), np.linalg.norm(position - true_position)
-    return float(np.rad2deg(angle)), float(moved), float(offset)
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 333.0, 1000.0])
@@ -92,14 +53,3 @@ def test_mean_readings_contain_coning() -> None:
     for turn in averages:
         estimate = estimate * turn
     assert (estimate.inv() * after).magnitude() == pytest.approx(missing * 9.98, rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["park_1", "lake_1", "forest_1", "hillside_1"])
-def test_a_minute_of_each_environment_integrates_to_the_pose(name: str) -> None:
-    experiment = with_overrides(load_experiment(name), seconds=60.0)
-    world = world_of(experiment)
-    motion = drive(world, experiment.model_copy(update={"route": plan_route(world, experiment)})).motion
-    attitude, _, position = errors(motion, ImuConfig())
-    assert attitude < 0.01
-    assert position < 0.05

@@ -134,9 +134,10 @@ def test_a_random_route_is_driven_in_a_forest_of_four_hectares(monkeypatch: pyte
         build(self, part, *others)
 
     monkeypatch.setattr(surroundings.Surroundings, "__init__", note)
-    world = load_world("forest", 0, {"size": (200.0, 200.0)})
-    experiment = load_experiment("forest_1").model_copy(update={"route": random_route(80.0, 1)})
+    plain = {"grid": 0.2, "individuals": 1, "beyond": False}
+    world = load_world("forest", 0, {"size": (200.0, 200.0), **plain})
+    experiment = load_experiment("forest_1").model_copy(update={"route": random_route(60.0, 1)})
     track = plan_and_drive(world, experiment)
-    assert track.length_m == pytest.approx(80.0, rel=0.02)
+    assert track.length_m == pytest.approx(60.0, rel=0.02)
     assert len(laid) >= 2
     assert max(laid) < len(world.instances) / 10

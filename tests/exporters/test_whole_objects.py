@@ -151,6 +151,7 @@ def scans(small_run: Path) -> Scans:
     return Scans(small_run)
 
 
+@pytest.mark.usefixtures("in_park")
 def test_kitti_object_files_as_the_devkit_reads_them(small_run: Path, scans: Scans, tmp_path: Path) -> None:
     made = export(small_run, "kitti-object", out=tmp_path / "object", workers=2)
     names = (made / "ImageSets" / "train.txt").read_text().split()
@@ -193,8 +194,9 @@ def test_kitti_object_files_as_the_devkit_reads_them(small_run: Path, scans: Sca
     assert inside == counted
 
 
-def test_coco_has_boxes_of_whole_objects_on_request(small_run: Path, scans: Scans, tmp_path: Path) -> None:
-    made = export(small_run, "coco", out=tmp_path / "coco", boxes=True, workers=2)
+@pytest.mark.usefixtures("in_park")
+def test_coco_has_boxes_of_whole_objects_on_request(brief_run: Path, scans: Scans, tmp_path: Path) -> None:
+    made = export(brief_run, "coco", out=tmp_path / "coco", boxes=True, workers=2)
     document = json.loads((made / "instances.json").read_text())
     world_boxes = {each["id"]: each["box_3d"] for each in document["objects"] if "box_3d" in each}
     images = {each["id"]: each for each in document["images"]}

@@ -17,8 +17,8 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.kernels.camera_rays import Pinhole
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.kernels.camera_rays import Intrinsics
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, CameraConfig, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
@@ -122,15 +122,15 @@ def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:
     x, y, z = direction
     world_from_body = transforms.pose(origin.tolist(), (0.0, -np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x))))
     focal, centre = BUNDLE / 2 / NEARBY, BUNDLE / 2 - 0.5
-    images = _bundle(scene, world_from_body @ OPTICAL, Pinhole(focal, focal, centre, centre))
+    images = _bundle(scene, world_from_body @ OPTICAL, Intrinsics(focal, focal, centre, centre))
     depth = images.depth.astype(np.float64)
     bends = [np.abs(np.diff(depth, n=2, axis=axis)).max() for axis in (0, 1)]
     return len(np.unique(images.label)) > 1 or max(bends) > RANGE
 
 
-def _bundle(scene: Scene, world_from_optical: Array, lens: Pinhole) -> LabelImages:
+def _bundle(scene: Scene, world_from_optical: Array, lens: Intrinsics) -> LabelImages:
     camera = LabelCamera(StereoConfig(width=BUNDLE, height=BUNDLE), scene)
-    camera.pinhole = lens
+    camera.intrinsics = lens
     return camera.label(world_from_optical)
 
 
@@ -161,13 +161,13 @@ def compare_image(
     near: Mask = binary_dilation(silhouette, np.ones((3, 3), np.bool_), iterations=2)
     differ: Mask = np.any(ours != gazebo, axis=-1)
     for row, column in np.argwhere(differ & ~near)[:MOST].tolist():
-        images = _bundle(scene, world_from_optical, _five_pixels(pinhole(config), row, column))
+        images = _bundle(scene, world_from_optical, _five_pixels(intrinsics_of(config), row, column))
         near[row, column] = len(np.unique(images.label)) > 1
     return ImageComparison(ours, gazebo, differ, near)
 
 
-def _five_pixels(lens: Pinhole, row: int, column: int) -> Pinhole:
+def _five_pixels(lens: Intrinsics, row: int, column: int) -> Intrinsics:
     """Intrinsics of a bundle through the 5 x 5 pixels about a pixel."""
     scale = BUNDLE / 5
     cx, cy = ((at - pixel + 2.5) * scale - 0.5 for at, pixel in ((lens.cx, column), (lens.cy, row)))
-    return Pinhole(lens.fx * scale, lens.fy * scale, cx, cy)
+    return Intrinsics(lens.fx * scale, lens.fy * scale, cx, cy)

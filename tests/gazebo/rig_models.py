@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.lidar.config import LidarConfig
 
@@ -91,7 +91,7 @@ def beams(range_m: Array, lidar: LidarConfig) -> Array:
 
 
 def _camera(rig: Rig) -> str:
-    config, lens = rig.stereo, pinhole(rig.stereo)
+    config, lens = rig.stereo, intrinsics_of(rig.stereo)
     # OpenGL's principal point is measured from the corner of the image, ours from the centre of the first pixel.
     return (
         f"<camera><horizontal_fov>{math.radians(config.horizontal_fov_deg)!r}</horizontal_fov>"

@@ -14,7 +14,7 @@ from rig_models import add_rig, beams, tour
 from fieldtruth.core import transforms
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
@@ -97,7 +97,7 @@ def test_imu_and_fix_at_known_poses(walls: GazeboRun) -> None:
 @needs_gazebo
 def test_image_shows_the_corner_of_two_walls_where_it_is(walls: GazeboRun) -> None:
     image = walls.at_stops("rig__link__left")[0].values
-    lens, heading = pinhole(RIG.stereo), math.radians(30.0)
+    lens, heading = intrinsics_of(RIG.stereo), math.radians(30.0)
     x, y, z = (POSES[0] @ RIG.stereo.left.base_from_sensor)[:3, 3]
     dx, dy = 29.0 - x, 19.0 - y
     ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)

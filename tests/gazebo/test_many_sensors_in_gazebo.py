@@ -25,7 +25,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.gazebo.robot import Flavour, body_shapes, write_robot
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -111,7 +111,7 @@ def test_rays_and_lenses_are_those_of_each_sensor(flavour: Flavour, tmp_path: Pa
         assert values(next(sensors[lidar.frame].iter("range")), "max") == [lidar.max_range]
     for imager in RIG.imagers:
         camera = next(sensors[f"{imager.name}_camera"].iter("camera"))
-        wanted = (*pinhole(imager.config)[:2], imager.config.width, imager.config.height)
+        wanted = (*intrinsics_of(imager.config)[:2], imager.config.width, imager.config.height)
         paths = ("lens/intrinsics/fx", "lens/intrinsics/fy", "image/width", "image/height")
         assert [values(camera, path)[0] for path in paths] == list(wanted)
 

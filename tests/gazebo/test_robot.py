@@ -23,7 +23,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
 from fieldtruth.gazebo.robot import Flavour, Shape, body_shapes, robot_words, wheel_shape, write_robot
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -172,7 +172,7 @@ def test_lens_is_our_pinhole(rig: Rig, flavour: Flavour, tmp_path: Path) -> None
     """Gazebo's principal point counts from the image's border, so the centre of pixel 0 is at 0.5."""
     camera = next(sdf(rig, flavour, tmp_path).iter("camera"))
     fx, fy, cx, cy = (values(camera, f"lens/intrinsics/{name}")[0] for name in ("fx", "fy", "cx", "cy"))
-    ours = pinhole(rig.stereo)
+    ours = intrinsics_of(rig.stereo)
     np.testing.assert_allclose((fx, fy, cx - 0.5, cy - 0.5), ours, rtol=1e-12)
     half_width = np.tan(values(camera, "horizontal_fov")[0] / 2)
     assert fx * half_width == pytest.approx(rig.stereo.width / 2, rel=1e-12)
@@ -224,7 +224,7 @@ def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
 def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
     lidar = transforms.inverse(rig.lidar.mount.base_from_sensor)
-    camera, intrinsics = rig.stereo, pinhole(rig.stereo)
+    camera, intrinsics = rig.stereo, intrinsics_of(rig.stereo)
     drawn = [(shape, (0.0, 0.0, 0.0)) for shape in body_shapes(rig)]
     drawn += [(wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
     for shape, xyz in drawn:

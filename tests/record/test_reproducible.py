@@ -13,12 +13,16 @@ import time
 from pathlib import Path
 
 import pytest
+from small_park import in_small_park
 
 from fieldtruth.core.cache import cache_folder
 from fieldtruth.core.cache_folder import entries
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.pipeline import generate
+from fieldtruth.render.bake import light_key
+from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.world.build import world_key, world_of
 
@@ -28,10 +32,19 @@ pytestmark = pytest.mark.slow  # real worlds; tests/record/test_pipeline.py show
 
 
 def small(seed: int = 0) -> Experiment:
-    """Three seconds of park_1 through small sensors."""
-    plain = load_experiment("park_1")
-    rig = plain.rig.with_sensors(StereoConfig, width=160, height=88)
-    return plain.model_copy(update={"seconds": 3.0, "seed": seed, "rig": rig})
+    """A drive through the small park with small images."""
+    rig = paper_rig(cameras=StereoConfig(width=160, height=88))
+    return in_small_park(seconds=1.2, seed=seed, rig=rig)
+
+
+SMALL = small()
+
+
+def written(folder: Path) -> Path:
+    """File of the experiment, for the command line."""
+    path = folder / "small.yaml"
+    path.write_text(dump_experiment(SMALL))
+    return path
 
 
 def digest(path: Path) -> str:
@@ -40,44 +53,40 @@ def digest(path: Path) -> str:
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return digest(generate(small(), tmp_path_factory.mktemp("once"), workers=1))
+    return digest(generate(SMALL, tmp_path_factory.mktemp("once"), workers=1))
 
 
-def test_two_workers_write_the_same_bytes(once: str, tmp_path: Path) -> None:
-    assert digest(generate(small(), tmp_path, workers=2)) == once
+def test_two_workers_and_the_written_experiment_give_the_same_bytes(once: str, tmp_path: Path) -> None:
+    bag = generate(SMALL, tmp_path / "first", workers=2)
+    assert digest(bag) == once
+    again = load_experiment(str(bag.parent / "experiment.yaml"))
+    assert digest(generate(again, tmp_path / "second", workers=2)) == once
 
 
 def test_a_killed_run_resumes_and_ends_with_the_same_bytes(once: str, tmp_path: Path) -> None:
-    source = tmp_path / "small.yaml"
-    source.write_text(dump_experiment(small()))
+    source = written(tmp_path)
     out = tmp_path / "data"
     command = [sys.executable, "-c", RUN, "generate", str(source), "--out", str(out), "--workers", "1"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
-    slices = out / "park_1" / ".slices"
+    slices = out / "small" / ".slices"
     while not any(path.stat().st_size for path in slices.rglob("*.journal")):  # the first slice is joined
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert not (out / "park_1" / "park_1.bag").exists()
+    assert not (out / "small" / "small.bag").exists()
     assert digest(generate(load_experiment(str(source)), out, workers=2)) == once
 
 
-def test_the_written_experiment_gives_the_same_bag(once: str, tmp_path: Path) -> None:
-    bag = generate(small(), tmp_path / "first", workers=2)
-    again = load_experiment(str(bag.parent / "experiment.yaml"))
-    assert digest(generate(again, tmp_path / "second", workers=2)) == once
-
-
 def copied_cache(folder: Path) -> list[Path]:
-    """Copy the park's world, its light and all kernels to another cache folder; returns the files."""
-    world_of(small())  # another version may have removed it
-    found = entries(cache_folder())
-    light = next(entry.path for entry in found if entry.path.name.startswith("light-park-"))
-    kernels = [entry.path for entry in found if entry.path.is_dir()]
-    for path in (cache_folder() / f"park-0-{world_key('park')}.npz", light, *kernels):
+    """Copy the small park's world, its light and all kernels to another cache folder; returns the files."""
+    world = world_of(SMALL)  # another version may have removed it
+    worlds = list(cache_folder().glob(f"park-0_*-{world_key('park')}.npz"))
+    light = cache_folder() / f"light-park-{light_key(Scene(world), SMALL.light, SMALL.weather)}.npz"
+    kernels = [entry.path for entry in entries(cache_folder()) if entry.path.is_dir()]
+    for path in (*worlds, light, *kernels):
         target = folder / path.relative_to(cache_folder())
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(path, target) if path.is_dir() else shutil.copy(path, target)
@@ -96,12 +105,11 @@ def test_a_damaged_cache_is_made_again_and_never_changes_the_data(once: str, tmp
             byte = file.read(1)[0]
             file.seek(at)
             file.write(bytes([byte ^ 1 << bits.randrange(8)]))
-    source = tmp_path / "small.yaml"
-    source.write_text(dump_experiment(small()))
+    source = written(tmp_path)
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", RUN, "generate", str(source), "--out", str(tmp_path / "data")]
     subprocess.run(command, check=True, env=environment)
-    assert digest(tmp_path / "data" / "park_1" / "park_1.bag") == once
+    assert digest(tmp_path / "data" / "small" / "small.bag") == once
 
 
 def test_another_seed_is_another_world(once: str, tmp_path: Path) -> None:

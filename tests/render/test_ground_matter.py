@@ -3,7 +3,6 @@
 """Relief of ground textures: what hides what, sun and shadow, equal light at every distance; wet ground."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ from fieldtruth.render.materials import (
     sun_factors,
     wet_albedo,
 )
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
@@ -54,8 +53,8 @@ def ground_of(texture: NDArray[np.uint8], *, relief: float, repeat: float, side:
     return replace(world, materials={**world.materials, "soil": soil}, textures={**world.textures, "own": texture})
 
 
-def baked(world: World, folder: Path, light: LightConfig = SUN) -> BakedScene:
-    return bake(Scene(world), light, folder=folder)
+def baked(world: World, light: LightConfig = SUN) -> BakedScene:
+    return bake(Scene(world), light)
 
 
 def seen(scene: BakedScene, position: tuple[float, float, float], yaw: float, down: float) -> CameraImages:
@@ -64,20 +63,20 @@ def seen(scene: BakedScene, position: tuple[float, float, float], yaw: float, do
 
 
 @pytest.mark.parametrize(("yaw", "shown", "hidden"), [(0, 0, 2), (180, 2, 0)])
-def test_a_ridge_shows_the_side_that_faces_the_camera(tmp_path: Path, yaw: float, shown: int, hidden: int) -> None:
+def test_a_ridge_shows_the_side_that_faces_the_camera(yaw: float, shown: int, hidden: int) -> None:
     """A camera that looks towards +x sees the flanks that rise with x; a wrong sign would show those behind."""
-    scene = baked(ground_of(waves(), relief=0.06, repeat=0.8), tmp_path, LightConfig(sun_elevation_deg=89.0))
+    scene = baked(ground_of(waves(), relief=0.06, repeat=0.8), LightConfig(sun_elevation_deg=89.0))
     photo = seen(scene, (0.0, 0.0, 1.0), yaw, 25.0).photo.astype(float).mean(axis=(0, 1))
     assert photo[shown] > 1.5 * photo[hidden]
-    flat = baked(ground_of(waves(), relief=0.0, repeat=0.8), tmp_path, LightConfig(sun_elevation_deg=89.0))
+    flat = baked(ground_of(waves(), relief=0.0, repeat=0.8), LightConfig(sun_elevation_deg=89.0))
     photo = seen(flat, (0.0, 0.0, 1.0), yaw, 25.0).photo.astype(float).mean(axis=(0, 1))
     assert photo[shown] == pytest.approx(photo[hidden], rel=0.12)
 
 
-def test_labels_and_depth_do_not_depend_on_relief_or_wetness(tmp_path: Path) -> None:
+def test_labels_and_depth_do_not_depend_on_relief_or_wetness() -> None:
     images = []
     for relief in (0.0, 0.05):
-        scene = baked(ground_of(waves(), relief=relief, repeat=0.8), tmp_path)
+        scene = baked(ground_of(waves(), relief=relief, repeat=0.8))
         images.append(seen(scene, (0.0, 0.0, 1.0), 20.0, 25.0))
     wet = scene.shading._replace(materials=material_table(scene.scene.world, scene.shading.light.sun, 1.0))
     images.append(seen(BakedScene(scene=scene.scene, shading=wet), (0.0, 0.0, 1.0), 20.0, 25.0))
@@ -122,9 +121,9 @@ def test_mip_maps_keep_colour_and_sunlight(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "relief"), [("lawn", 0.026), ("path", 0.01)])
-def test_ground_is_as_bright_from_afar_as_from_nearby(tmp_path: Path, name: str, relief: float) -> None:
+def test_ground_is_as_bright_from_afar_as_from_nearby(name: str, relief: float) -> None:
     """Followed through the relief at 2 m, averaged at 14 m, which is below haze, seen under the same angle."""
-    scene = baked(ground_of(make_texture(name, SEED), relief=relief, repeat=1.5), tmp_path)
+    scene = baked(ground_of(make_texture(name, SEED), relief=relief, repeat=1.5))
     config = StereoConfig(width=320, height=200, horizontal_fov_deg=32.0, vertical_fov_deg=20.0)
     size = (config.height, config.width)
     labels = LabelBuffers(np.zeros(size, np.uint8), np.zeros(size, np.uint32), np.zeros(size, np.float32))
@@ -133,7 +132,7 @@ def test_ground_is_as_bright_from_afar_as_from_nearby(tmp_path: Path, name: str,
         light = []
         for height in (1.0, 7.0):
             pose = transforms.pose((0, 0, height), (0, 30, yaw)) @ OPTICAL
-            render_linear(scene.shading, framebuffer, View(pose, pinhole(config), config.far), labels)
+            render_linear(scene.shading, framebuffer, View(pose, intrinsics_of(config), config.far), labels)
             light.append(float(framebuffer.linear.mean()))
         assert light[0] == pytest.approx(light[1], rel=0.08), yaw
 
@@ -163,7 +162,7 @@ def test_reflectance_is_the_mean_of_fresnels_equations() -> None:
         assert mean_reflectance(n) == pytest.approx(float((2 * cosine * fresnel(cosine, n)).mean()), abs=1e-5)
 
 
-def test_wet_ground_is_darker_and_more_colourful_by_the_formula(tmp_path: Path) -> None:
+def test_wet_ground_is_darker_and_more_colourful_by_the_formula() -> None:
     """Photons counted one reflection after another give the same albedo as the closed form."""
     p = 1 - (1 - mean_reflectance(WATER)) / WATER**2
     for dry in (0.05, 0.15, 0.4):

@@ -11,7 +11,7 @@ from sense_worlds import F8, make_world
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
+from fieldtruth.kernels.camera_rays import Intrinsics, View, new_batch, trace
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
@@ -63,7 +63,7 @@ def test_crumbs_of_earth_are_seen() -> None:
 def test_texture_detail_follows_each_facet() -> None:
     """A slope of 0.6 that rises to +x: a level ray towards +x sees 0.6 m^2 of it per square metre of the map."""
     scene = Scene(make_world(height=lambda x, _: 0.6 * x, side=6.0, spacing=0.05))
-    batch, view = new_batch(1), View(transforms.pose((-1.0, 0, 0)) @ OPTICAL, Pinhole(1.0, 1.0, 0.0, 0.0), 100.0)
+    batch, view = new_batch(1), View(transforms.pose((-1.0, 0, 0)) @ OPTICAL, Intrinsics(1.0, 1.0, 0.0, 0.0), 100.0)
     for down, seen in ((0.0, 0.6), (1.0, 1.6 / np.sqrt(2.0))):
         batch.image[:, 0] = 0.0, down
         trace(scene.rays.handle, scene.hits.geometry_top, new_packet(coherent=False), view, batch, 1)

@@ -15,7 +15,7 @@ from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.lens import pinhole, ray_table
+from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, StereoConfig
 from fieldtruth.world.power_lines import CONDUCTOR_RADIUS, hang, make_cable
@@ -55,7 +55,7 @@ def light(baked: BakedScene, config: CameraConfig, roll: float = 0.0, *, frames_
     h, w = config.height, config.width
     buffers, pose = new_framebuffer(h, w), transforms.pose((0, 0, HEIGHT + 0.013), (roll, 0, 0)) @ OPTICAL
     labels = LabelBuffers(np.zeros((h, w), np.uint8), np.zeros((h, w), np.uint32), np.zeros((h, w), np.float32))
-    view = View(pose, pinhole(config), config.far, ray_table(config))
+    view = View(pose, intrinsics_of(config), config.far, ray_table(config))
     if frames_:
         poses = np.tile(pose, (frames_, strips_of(h), 1, 1))
         render_mean(shading, buffers, view, poses, offsets_of(frames_))
@@ -123,7 +123,7 @@ def test_labels_are_those_of_the_mesh() -> None:
         h, w = config.height, config.width
         labels = LabelBuffers(np.zeros((h, w), np.uint8), np.zeros((h, w), np.uint32), np.zeros((h, w), np.float32))
         pose = transforms.pose((0, 0, HEIGHT + 0.013), (17.0, 0, 0)) @ OPTICAL
-        view = View(pose, pinhole(config), config.far, ray_table(config))
+        view = View(pose, intrinsics_of(config), config.far, ray_table(config))
         render_linear(baked.shading, new_framebuffer(h, w), view, labels)
         images.append(labels)
     assert (images[0].instance == 2).sum() > 20

@@ -20,10 +20,15 @@ FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ]  # fmt: skip
+NO_WEBGL = """
+const get = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...others) {
+  return kind === "webgl2" ? null : get.call(this, kind, ...others);
+};"""
 NIGHT = (30, 35, 43)
 """Background of the cloud."""
 
-Pixels = NDArray[np.int64]
+Pixels = NDArray[np.int16]
 
 
 @contextmanager
@@ -42,11 +47,17 @@ def opened_browser() -> Iterator[Any]:
 
 
 class Tab:
-    """An open page with its requests and errors."""
+    """An open page with its requests and errors; without ``cloud``, which takes long to draw, its poster is shown."""
 
-    def __init__(self, browser: Any, path: Path, **options: Any) -> None:
-        self.context = browser.new_context(**({"viewport": {"width": 1000, "height": 700}} | options))
+    def __init__(self, browser: Any, path: Path, *, cloud: bool = True, **options: Any) -> None:
+        usual = {
+            "viewport": {"width": 1000, "height": 700},
+            "reduced_motion": "reduce",
+        }  # smooth scrolling moves what is read
+        self.context = browser.new_context(**(usual | options))
         self.context.set_offline(True)
+        if not cloud:
+            self.context.add_init_script(NO_WEBGL)
         self.page = self.context.new_page()
         self.requests: list[str] = []
         self.errors: list[str] = []
@@ -118,12 +129,13 @@ class Tab:
 
 def pixels(png: bytes) -> Pixels:
     """Pixels (h, w, 3) of a PNG."""
-    return np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(np.int64)
+    return np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(np.int16)
 
 
-def differing(a: Pixels, b: Pixels) -> float:
-    """Share of the pixels that differ by more than 24 in a channel."""
-    return float((np.abs(a - b).max(axis=2) > 24).mean())
+def differing(a: Pixels, b: Pixels | tuple[int, int, int]) -> float:
+    """Share of the pixels that differ by more than 24 in a channel from others, or from one colour."""
+    a, b = np.broadcast_arrays(a, np.asarray(b, np.int16))
+    return float(np.logical_or.reduce([np.abs(a[..., k] - b[..., k]) > 24 for k in range(3)]).mean())
 
 
 def of_ground(picture: Pixels) -> int:

@@ -65,11 +65,16 @@ class Page:
         return re.findall(rf"data:{kind};base64,([A-Za-z0-9+/=]+)", self.text)
 
 
-def page_of(run: Path, path: Path) -> Page:
+def write_page(run: Path, path: Path) -> Path:
     """Write the page of a run with a small aerial view, because a large one takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page_map, "WIDTH", 600)
-        return Page(write_report(run, out=path))
+        return write_report(run, out=path)
+
+
+def page_of(run: Path, path: Path) -> Page:
+    """The page of a run with a small aerial view."""
+    return Page(write_page(run, path))
 
 
 def read_messages(bag: Path) -> Messages:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser_tab import NIGHT, Tab, differing, of_ground, pixels
+from browser_tab import NIGHT, Tab, differing, of_ground
 from report_pages import Page
 
 from fieldtruth.core.classes import Label
@@ -16,7 +16,7 @@ from fieldtruth.core.classes import Label
 
 def test_cloud_is_visible_and_orbits_pans_and_resets(tab: Tab) -> None:
     first = tab.canvas()
-    assert differing(first, np.full_like(first, NIGHT)) > 0.2
+    assert differing(first, NIGHT) > 0.2
     tab.drag(160, 0)
     turned = tab.canvas()
     assert differing(first, turned) > 0.1
@@ -64,7 +64,7 @@ def test_classes_can_be_hidden(tab: Tab) -> None:
     ground.click()
     without = tab.canvas()
     assert of_ground(without) == 0
-    assert differing(without, np.full_like(without, NIGHT)) > 0.02  # the others are still visible
+    assert differing(without, NIGHT) > 0.02  # the others are still visible
     ground.focus()
     tab.page.keyboard.press("Space")
     assert (tab.canvas() == first).all()
@@ -100,7 +100,7 @@ def test_path_in_the_cloud_matches_pinhole_projection(tab: Tab, page: Page) -> N
     tab.page.keyboard.press("ArrowRight")  # like a drag of 24 pixels, 0.35 deg each
     picture = tab.canvas()
     height, width = picture.shape[:2]
-    drawn = np.abs(picture - NIGHT).max(axis=2) > 40
+    drawn = np.abs(picture[::2, ::2] - NIGHT).max(axis=2) > 40
     found = re.search(r'id="cloud-data">([^<]*)<', page.text)
     assert found is not None
     data, n = base64.b64decode(found[1]), settings["count"]
@@ -114,7 +114,7 @@ def test_path_in_the_cloud_matches_pinhole_projection(tab: Tab, page: Page) -> N
     column = width / 2 + focal * (seen @ right) / depth
     row = height / 2 + focal * (seen @ np.cross(forward, right)) / depth
     radius = 1.35 * 2.5 * settings["voxel"] * focal / depth.mean() / 2
-    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    x, y = np.meshgrid(np.arange(0, width, 2) + 0.5, np.arange(0, height, 2) + 0.5)
     expected = (np.hypot(x[..., None] - column, y[..., None] - row) < radius).any(axis=2)
     assert (drawn & expected).sum() > 0.85 * (drawn | expected).sum()
     for flipped in (expected[:, ::-1], expected[::-1]):  # the test would detect a mirrored image
@@ -148,14 +148,8 @@ def test_touch_orbits_and_zooms_the_cloud(browser: Any, page: Page) -> None:
 
 
 def test_poster_is_shown_without_webgl(browser: Any, page: Page) -> None:
-    opened = browser.new_context(viewport={"width": 1000, "height": 900})
-    opened.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
-    shown = opened.new_page()
-    errors: list[str] = []
-    shown.on("pageerror", lambda error: errors.append(str(error)))
-    shown.goto(page.path.as_uri())
-    assert shown.locator("#canvas").is_hidden()
-    still = pixels(shown.locator("#screen").screenshot())
+    tab = Tab(browser, page.path, cloud=False, viewport={"width": 1000, "height": 900})
+    assert tab.page.locator("#canvas").is_hidden()
+    still = tab.picture("#screen")
     assert of_ground(still) > 0.01 * still.shape[0] * still.shape[1]  # 1.4 %: single points; an empty cloud has none
-    assert errors == []
-    opened.close()
+    tab.close()

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from report_worlds import EXPERIMENT, plain, small_park
+from report_worlds import EXPERIMENT, plain
+from small_park import small_park
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label

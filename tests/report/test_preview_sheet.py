@@ -5,7 +5,8 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from report_worlds import EXPERIMENT, RIG, small_park
+from report_worlds import EXPERIMENT
+from small_park import RIG, small_park
 
 import fieldtruth
 from fieldtruth.core.errors import UnknownNameError
@@ -13,6 +14,8 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import preview as content_module
 from fieldtruth.report.preview import SheetContent, collect_content, draw_sheet, occurring_classes, preview
+
+pytestmark = pytest.mark.usefixtures("in_park")
 
 
 def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:

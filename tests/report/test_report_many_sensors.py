@@ -14,7 +14,8 @@ import pytest
 from many_sensors import many_rig
 from PIL import Image
 from report_pages import Page, changed, page_of, words
-from report_worlds import EXPERIMENT, RIG, plain, small_park
+from report_worlds import EXPERIMENT, plain
+from small_park import RIG, small_park
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.geometry import read_static_frames
@@ -36,6 +37,8 @@ from fieldtruth.report.viewer import view
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
+
+pytestmark = pytest.mark.usefixtures("in_park")
 
 VIEWS = ["pair_left", "pair_right", "front", "rear", "fisheye", "panorama"]
 TAGS = {imager.name: imager.topic_of("tag") for imager in many_rig().imagers}

@@ -4,7 +4,8 @@
 
 import numpy as np
 import pytest
-from report_worlds import EXPERIMENT, RIG, plain, small_park
+from report_worlds import EXPERIMENT, plain
+from small_park import LAYOUT, RIG, small_park
 
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.drive.plan import pose_on_ground
@@ -55,7 +56,7 @@ def test_experiments_in_one_world_load_it_once(monkeypatch: pytest.MonkeyPatch) 
     changes = ({"name": "small_2"}, {"name": "other", "seed": 5}, {"name": "bare", "seed": 5, "layout": {"bushes": 0}})
     found = shares_of([EXPERIMENT, *(EXPERIMENT.model_copy(update=values) for values in changes)])
     assert list(found) == ["small_1", "small_2", "other", "bare"]
-    assert loaded == [("park", 0, {}), ("park", 5, {}), ("park", 5, {"bushes": 0})]
+    assert loaded == [("park", 0, LAYOUT), ("park", 5, LAYOUT), ("park", 5, {"bushes": 0})]
     np.testing.assert_array_equal(found["small_1"].pixels, found["other"].pixels)
 
 

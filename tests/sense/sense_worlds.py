@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -164,6 +165,7 @@ def without_textures() -> Iterator[None]:
         yield
 
 
+@cache
 def built_scene(environment: str) -> Scene:
-    """An environment of seed 0, from the cache that all tests share."""
+    """An environment of seed 0, from the cache that all tests share; each is built once in a process."""
     return Scene(load_world(environment, 0))

@@ -10,7 +10,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import OPTICAL
-from fieldtruth.sense.lens import pinhole
+from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
@@ -39,7 +39,7 @@ def label(*objects: Placed) -> LabelImages:
 
 
 def test_intrinsics() -> None:
-    lens = pinhole(CONFIG)
+    lens = intrinsics_of(CONFIG)
     assert np.degrees(np.arctan2(WIDTH / 2, lens.fx)) * 2 == pytest.approx(69.0)
     assert np.degrees(np.arctan2(HEIGHT / 2, lens.fy)) * 2 == pytest.approx(42.0)
     assert (lens.cx, lens.cy) == (639.5, 359.5)
@@ -108,7 +108,7 @@ def test_image_is_not_mirrored() -> None:
     assert np.array_equal(straight.label, LabelCamera(CONFIG, scene).label(base @ paper).label)
     centres = {int(k): np.argwhere(straight.instance == k).mean(axis=0) for k in np.unique(straight.instance) if k}
     assert set(centres) == {2, 3, 4, 5}
-    fx, fy = pinhole(CONFIG).fx, pinhole(CONFIG).fy
+    fx, fy = intrinsics_of(CONFIG).fx, intrinsics_of(CONFIG).fy
     # The camera sees the near face of each box, 0.2 m before its centre, and one side.
     assert centres[2] == pytest.approx([359.5, 639.5 - fx * 1.5 / 5.8], abs=fx * 0.05)
     assert centres[3] == pytest.approx([359.5, 639.5 + fx * 1.5 / 5.8], abs=fx * 0.05)
@@ -125,7 +125,7 @@ def test_mounts_of_the_stereo_cameras() -> None:
         assert pose[:3, :3] == pytest.approx(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float), abs=1e-12)
     # A post 6 m ahead on the centre line is in the right half of the left image, and the left half of the right one.
     camera = LabelCamera(CONFIG, floating((box("post", (0.01, 0.01, 3)), at(6, 0, 0))))
-    half = pinhole(CONFIG).fx * 0.06 / 5.85
+    half = intrinsics_of(CONFIG).fx * 0.06 / 5.85
     for pose, u in ((left, 639.5 + half), (right, 639.5 - half)):
         assert np.argwhere(camera.label(pose).label == Label.ROCK)[:, 1].mean() == pytest.approx(u, abs=0.5)
 

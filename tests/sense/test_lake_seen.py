@@ -95,7 +95,7 @@ def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
     images = camera.label(eye)
     assert (images.label == Label.WATER).mean() > 0.1
     rows, columns = (n[::97] for n in np.nonzero(images.label == Label.WATER))
-    lens = camera.pinhole
+    lens = camera.intrinsics
     rays = np.column_stack([(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(len(rows))])
     directions = rays @ eye[:3, :3].T
     back = trace_rays(lake, np.tile(eye[:3, 3], (len(rays), 1)), directions, max_range=2000.0)

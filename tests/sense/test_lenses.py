@@ -12,7 +12,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
 from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE, View, new_batch, set_directions
-from fieldtruth.sense.lens import pinhole, ray_table
+from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sensors.camera.check_geometry import pixel_ray
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
@@ -215,11 +215,11 @@ def test_the_pinhole_needs_no_table() -> None:
     config = StereoConfig()
     assert ray_table(config) is NO_TABLE
     tangents = np.tan(np.radians([34.5, 21.0]))
-    assert pinhole(config)[:2] == (640.0 / tangents[0], 360.0 / tangents[1])
-    assert View(np.eye(4), pinhole(config), 10.0).table is NO_TABLE
+    assert intrinsics_of(config)[:2] == (640.0 / tangents[0], 360.0 / tangents[1])
+    assert View(np.eye(4), intrinsics_of(config), 10.0).table is NO_TABLE
     trivial = config.model_copy(update={"lens": LensConfig(model="plumb_bob", coefficients=(0.0,) * 5)})
     through = ray_table(trivial)[100, 200]
-    expected = np.array([(200 - 639.5) / pinhole(config).fx, (100 - 359.5) / pinhole(config).fy, 1.0])
+    expected = np.array([(200 - 639.5) / intrinsics_of(config).fx, (100 - 359.5) / intrinsics_of(config).fy, 1.0])
     np.testing.assert_allclose(through[:3], expected / np.linalg.norm(expected), atol=6e-8)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sense_worlds import F8, at, box, floating
+from small_park import LAYOUT, ROUTE
 
 from fieldtruth import cli
 from fieldtruth.core import transforms
@@ -15,6 +16,8 @@ from fieldtruth.experiment.catalogue import list_models
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, column_times_ns, ray_directions, ray_times_ns, sweep_times_ns
+
+pytestmark = pytest.mark.usefixtures("in_park")
 
 TOLERANCE = 1e-4  # [m]
 
@@ -141,13 +144,12 @@ def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: s
     assert np.all(np.diff(column_times_ns(config)) > max(config.firing_offsets_ns or (0,)))
 
 
-@pytest.mark.usefixtures("in_park")
 def test_a_run_with_a_vlp_16_is_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = "{name: vlp, environment: park, route: {metres: {start: [0, 0], waypoints: [[9, 0]]}}, "
-    Path("vlp.yaml").write_text(text + "rig: {lidar: {model: vlp_16}}}\n", encoding="utf-8")
+    text = f"{{name: vlp, environment: park, layout: {LAYOUT}, route: {ROUTE}, rig: {{lidar: {{model: vlp_16}}}}}}\n"
+    Path("vlp.yaml").write_text(text, encoding="utf-8")
     assert cli.main(["generate", "vlp.yaml", "--seconds", "0.3", "--no-cameras"]) == 0
     assert cli.main(["validate", "data/vlp"]) == 0, capsys.readouterr().out
     assert "- LiDAR vlp_16: 1808 x 16 rays, 360 x 30 deg (elevations -15 to 15 deg), 1 to 100 m; " in Path(

@@ -11,23 +11,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_park import LAYOUT, ROUTE
 
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.sensor_config import load_added_kinds
 
 ROOT = Path(__file__).parents[2]
-SONAR = """\
+DOWN = {"xyz": [0.6, 0.0, 0.5], "rpy_deg": [0.0, 90.0, 0.0]}
+SONAR = f"""\
 name: heard
 environment: park
+layout: {LAYOUT}
 seconds: 0.2
-route: {start: [49.9, 8.9], waypoints: [[49.9, 8.9001]]}
+route: {ROUTE}
 rig:
   sensors:
-    - {kind: sonar, name: below, mount: {xyz: [0.6, 0.0, 0.5], rpy_deg: [0.0, 90.0, 0.0]}}
-    - {kind: sonar, name: noisy, mount: {xyz: [0.6, 0.1, 0.5], rpy_deg: [0.0, 90.0, 0.0]}, signal: {noise_m: 0.1}}
-    - {kind: imu}
-    - {kind: gnss}
+    - {{kind: sonar, name: below, mount: {DOWN}}}
+    - {{kind: sonar, name: noisy, mount: {DOWN}, signal: {{noise_m: 0.1}}}}
+    - {{kind: imu}}
+    - {{kind: gnss}}
 """
 INTERRUPTED = """\
 import sys

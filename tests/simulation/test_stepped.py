@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from drive_worlds import make_experiment
 from sense_worlds import make_world
+from small_park import in_small_park
 from stepped_rigs import SCENE, experiment, messages_in, messages_of, sensors
 
 import fieldtruth as ft
@@ -228,9 +229,8 @@ def test_poses_that_are_given_can_be_stepped_too(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_drive_in_the_park_equals_its_bag(tmp_path: Path) -> None:
-    park = ft.load_experiment("park_1")
-    rig = park.rig.with_sensors(ft.StereoConfig, width=320, height=184, depth=True, instances=True)
-    made = park.model_copy(update={"seconds": 0.3, "rig": rig})
+    rig = ft.paper_rig(cameras=ft.StereoConfig(width=160, height=88, depth=True, instances=True))
+    made = in_small_park(seconds=0.3, rig=rig)
     bag = messages_in(ft.generate(made, tmp_path), made)
     sim, found = ft.Simulation(made), list[ft.Frame]()
     while not sim.done:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from changed_bags import rewritten
 from numpy.typing import NDArray
+from small_park import in_small_park
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage, open_bag
@@ -24,6 +25,9 @@ from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
+from fieldtruth.validation.runner import SAMPLES, validate
+
+pytestmark = pytest.mark.usefixtures("in_park")
 
 EXTRAS = ("depth", "instances", "normals", "flow")
 LEFT = "/stereo/camera/left"
@@ -31,13 +35,12 @@ LEFT = "/stereo/camera/left"
 
 def experiment(*extras: str, **sensor: Any) -> Experiment:
     """1.2 s, of which slices of a second are made apart, with images every 80 ms."""
-    values = load_experiment("park_1").model_dump() | {"seconds": 1.2}
     camera = {"width": 96, "height": 64, "rate_hz": 12.5, **dict.fromkeys(extras, True), **sensor}
-    return Experiment.model_validate(values | {"rig": {"cameras": camera, "lidar": {"enabled": False}}})
+    return in_small_park(seconds=1.2, rig={"cameras": camera, "lidar": {"enabled": False}})
 
 
 @pytest.fixture(scope="module")
-def runs(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Folders of runs with all extras, by one worker and by two, without them, and with a clock that loses images."""
     lossy = {"clock": {"offset_s": 0.01, "drop_share": 0.4}}
     given: dict[str, tuple[Experiment, int]] = {
@@ -119,11 +122,9 @@ def test_a_data_set_and_files_have_them(runs: dict[str, Path], tmp_path: Path) -
     assert len(raw) == 12 + 64 * 96 * 8
 
 
-def test_validate_passes_and_finds_wrong_normals_and_flow(
-    runs: dict[str, Path], validate_in_park: Callable[..., list[Check]], tmp_path: Path
-) -> None:
-    def results(folder: Path, **options: int) -> dict[str, Check]:
-        return {check.name: check for check in validate_in_park(folder, **options)}
+def test_validate_passes_and_finds_wrong_normals_and_flow(runs: dict[str, Path], tmp_path: Path) -> None:
+    def results(folder: Path, samples: int = SAMPLES) -> dict[str, Check]:
+        return {check.name: check for check in validate(folder, samples=samples)}
 
     for name in ("one", "lossy"):
         good = results(runs[name])

@@ -2,20 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of cameras with other lenses pass every check; a lens that differs from the images does not."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from small_park import in_small_park
 
 from fieldtruth.bag.file import BagError
-from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
-from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
-Validate = Callable[..., list[Check]]
+pytestmark = pytest.mark.usefixtures("in_park")
+
 K1 = 0.08
 LENSES: dict[str, dict[str, Any]] = {
     "plumb_bob": {"lens": {"model": "plumb_bob", "coefficients": (K1, -0.05, -0.003, 0.002, 0.0)}},
@@ -23,31 +22,26 @@ LENSES: dict[str, dict[str, Any]] = {
     "panorama": {"model": "panorama", "width": 320, "height": 160},
 }
 
-pytestmark = pytest.mark.usefixtures("in_park")
-
 
 def recorded(folder: Path, cameras: dict[str, Any]) -> Path:
-    values = load_experiment("park_1").model_dump(exclude={"rig"})
     small = {"width": 320, "height": 184, "depth": True, "instances": True}
-    rig = {"cameras": small | cameras}
-    generate(Experiment.model_validate(values | {"seconds": 0.25, "rig": rig}), folder)
-    return folder / "park_1"
+    return generate(in_small_park(seconds=0.25, rig={"cameras": small | cameras}), folder).parent
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_a_run_of_another_lens_passes(name: str, tmp_path: Path, validate_in_park: Validate) -> None:
-    checks = {check.name: check for check in validate_in_park(recorded(tmp_path, LENSES[name]), full=True, samples=4)}
+def test_a_run_of_another_lens_passes(name: str, tmp_path: Path) -> None:
+    checks = {check.name: check for check in validate(recorded(tmp_path, LENSES[name]), full=True, samples=4)}
     assert [check.text for check in checks.values() if check.passed is False] == []
     for row in ("calibration", "images", "depth", "retraced images", "photographs", "independent rays"):
         assert checks[row].passed, checks[row].text
     assert "retracing" in checks["lidar and cameras"].text
 
 
-def test_a_lens_of_the_wrong_sign_fails(tmp_path: Path, validate_in_park: Validate) -> None:
+def test_a_lens_of_the_wrong_sign_fails(tmp_path: Path) -> None:
     run = recorded(tmp_path, LENSES["plumb_bob"])
     path = run / "experiment.yaml"
     path.write_text(path.read_text(encoding="utf-8").replace(f"[{K1}, ", f"[-{K1}, "), encoding="utf-8")
-    failed = {check.name for check in validate_in_park(run, samples=4) if check.passed is False}
+    failed = {check.name for check in validate(run, samples=4) if check.passed is False}
     assert {"calibration", "retraced images", "independent rays"} <= failed
 
 

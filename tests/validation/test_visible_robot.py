@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs whose sensors see the robot pass; a robot of another shape, pose or order of surfaces is found."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +12,24 @@ from changed_bags import failures
 from many_sensors import many_sensors
 from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
+from small_park import in_small_park
 
 from fieldtruth.bag.decode import labels, points, read_bag
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.validation import Check
 from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hits, robot_parts
+from fieldtruth.validation.runner import validate
 from fieldtruth.validation.tracer import ReferenceTracer
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 F8 = NDArray[np.float64]
-Validate = Callable[..., list[Check]]
 ROBOT = int(Label.ROBOT)
 RIG = Rig.model_validate({
     "visible": True,
@@ -123,24 +124,21 @@ def experiment() -> Experiment:
     }  # fmt: skip
     pattern = {"kind": "lidar", "name": "pattern", "model": "mid_360", "rate_hz": 5.0}
     pattern["mount"] = {"xyz": [0.2, 0.1, 0.5], "rpy_deg": [0.0, 50.0, 0.0]}
-    values = load_experiment("park_2").model_dump()
-    values["seconds"] = 0.45
-    values["rig"] = {"visible": True, "sensors": [*many_sensors(), down, pattern]}
-    return Experiment.model_validate(values)
+    return in_small_park(seconds=0.45, rig={"visible": True, "sensors": [*many_sensors(), down, pattern]})
 
 
 @pytest.fixture(scope="module")
-def visible_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def visible_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return generate(experiment(), tmp_path_factory.mktemp("visible")).parent
 
 
-def test_a_run_whose_sensors_see_the_robot_passes(visible_run: Path, validate_in_park: Validate) -> None:
-    checks = validate_in_park(visible_run, full=True, samples=10)
+def test_a_run_whose_sensors_see_the_robot_passes(visible_run: Path) -> None:
+    checks = validate(visible_run, full=True, samples=10)
     assert not failures(checks)
     passed = {check.name for check in checks if check.passed}
     assert {"retraced clouds", "retraced images", "photographs", "independent rays", "object classes"} <= passed
     seen: dict[str, int] = {}
-    for reading in read_bag(visible_run / "park_2.bag"):
+    for reading in read_bag(visible_run / "small.bag"):
         if reading.topic.endswith("/points"):
             cloud = points(reading.message)
             assert (cloud["instance"][cloud["label"] == ROBOT] == 0).all()
@@ -154,19 +152,16 @@ def test_a_run_whose_sensors_see_the_robot_passes(visible_run: Path, validate_in
     assert seen["/front/tag/img_raw"] == 0
 
 
-def test_without_the_key_robot_points_are_wrong(visible_run: Path, tmp_path: Path, validate_in_park: Validate) -> None:
+def test_without_the_key_robot_points_are_wrong(visible_run: Path, tmp_path: Path) -> None:
     for file in visible_run.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     text = (tmp_path / "experiment.yaml").read_text()
     (tmp_path / "experiment.yaml").write_text(text.replace("visible: true", "visible: false"))
-    names = set(failures(validate_in_park(tmp_path, samples=10)))
+    names = set(failures(validate(tmp_path, samples=10)))
     assert {"object classes", "retraced clouds", "retraced images"} <= names
 
 
-@pytest.mark.usefixtures("in_park")
-def test_a_robot_that_all_sensors_see_elsewhere_is_found(
-    tmp_path: Path, validate_in_park: Validate, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_that_all_sensors_see_elsewhere_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Generation and retracing have the same fault; the second tracer has not."""
 
     def wrong(table: F8, origin: Any, directions: F8) -> Any:
@@ -174,5 +169,5 @@ def test_a_robot_that_all_sensors_see_elsewhere_is_found(
 
     monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
     run = generate(experiment(), tmp_path).parent
-    texts = failures(validate_in_park(run, samples=10))
+    texts = failures(validate(run, samples=10))
     assert set(texts) == {"independent rays"}

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
+from fieldtruth.kernels.camera_rays import Intrinsics, View, new_batch, trace
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.world.model import Mesh
@@ -136,7 +136,7 @@ def _ranges(scene: RayScene, pose: Array, rays: Array) -> tuple[Array, Mask]:
     batch = new_batch(count)
     flat = rays.reshape(-1, 3)
     batch.image[:, :count] = (flat[:, :2] / flat[:, 2:]).T
-    view = View(pose, Pinhole(1.0, 1.0, 0.0, 0.0), FAR)
+    view = View(pose, Intrinsics(1.0, 1.0, 0.0, 0.0), FAR)
     trace(scene.handle, np.zeros(1, np.int32), new_packet(coherent=False), view, batch, count)
     distance = batch.distance[:count].astype(np.float64).reshape(rays.shape[:2])
     return distance, distance < 0.99 * FAR

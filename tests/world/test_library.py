@@ -15,6 +15,7 @@ import yaml
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world import furniture  # noqa: F401  (checks its section)
 from fieldtruth.world.build import world_key
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.library import SHARED, data_files
@@ -147,6 +148,37 @@ def test_drawings_by_their_names_in_earlier_files_are_the_same(tmp_path: Path, d
     found = TEXTURES["earlier"]
     TREES.remove("rowan")
     assert found == TEXTURES[same]
+
+
+STREWN = "soil: {tones: [[9, 9, 9]], by: {middle: 0}}, height: {middle: 0}"
+GRIT = "grit: {shape: stones, count: 9, radius: [1, 2], tones: [[90, 90, 90], [140, 140, 140]]}"
+
+
+@pytest.mark.parametrize(
+    ("pieces", "message"),
+    [
+        ("steps: {}, laid: []", r"rowan\.yaml: textures\.ground: strewn: laid .* at least 1 item"),
+        (f"steps: {{{GRIT}}}, laid: [grid]", r"^textures\.ground: unknown pieces 'grid'; did you mean 'grit'"),
+        (
+            f"steps: {{{GRIT.replace('[1, 2]', '[0, 2]')}}}, laid: [grit]",
+            r"steps\.grit.*radius.* greater than 0, got 0",
+        ),
+        (f"steps: {{{GRIT.replace('stones', 'stone')}}}, laid: [grit]", r"steps\.grit .*'noise', 'blades', 'stones'"),
+    ],
+)
+def test_mistake_in_strewn_ground_is_reported(tmp_path: Path, pieces: str, message: str) -> None:
+    entry = f"{{draw: strewn, albedo: [0.1, 0.1, 0.1], {pieces}, {STREWN}}}"
+    path = write(tmp_path, "rowan", EXAMPLES["rowan"].replace("textures:\n", f"textures:\n  ground: {entry}\n"))
+    with pytest.raises(ConfigurationError, match=message):
+        draw_ground_of(path)
+
+
+def draw_ground_of(path: Path) -> None:
+    TREES.add(path)
+    try:
+        make_texture("ground", np.random.SeedSequence(1))
+    finally:
+        TREES.remove("rowan")
 
 
 def stool(part: str) -> str:

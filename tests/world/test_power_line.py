@@ -49,7 +49,6 @@ def test_wire_passes_through_both_ends_with_its_sag(name: str, sag: float) -> No
     assert ends == pytest.approx(np.stack([start, end]), abs=1e-9)
     middle = (start[2] + end[2]) / 2 - float(wire.height_at(wire.span / 2))
     assert middle == pytest.approx(sag, abs=1e-9)
-    assert wire.sag == pytest.approx(sag, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ENDS)
@@ -62,20 +61,14 @@ def test_curve_is_a_catenary(name: str) -> None:
     assert wire.parameter * bend == pytest.approx(np.hypot(1.0, slope), rel=2e-4)
 
 
-@pytest.mark.parametrize("name", ENDS)
-def test_length_is_that_of_the_curve(name: str) -> None:
-    wire = hang(*ENDS[name], sag=0.8)
-    x = np.linspace(0.0, wire.span, 20_001)
-    measured = np.linalg.norm(np.diff(wire.points(x), axis=0), axis=1).sum()
-    assert wire.length == pytest.approx(measured, abs=1e-6)
-
-
 def test_known_catenary() -> None:
     """z = 20 cosh(x / 20) from -15 to 15: the sag is 20 (cosh 0.75 - 1), the length 40 sinh 0.75."""
     wire = hang((0, 0, 5), (30, 0, 5), sag=20 * (np.cosh(0.75) - 1))
     assert wire.parameter == pytest.approx(20.0, rel=1e-9)
     assert wire.lowest == pytest.approx(15.0, abs=1e-9)
-    assert wire.length == pytest.approx(40 * np.sinh(0.75), rel=1e-9)
+    along = wire.points(np.linspace(0.0, 30.0, 20_001))
+    length = np.linalg.norm(np.diff(along, axis=0), axis=1).sum()
+    assert length == pytest.approx(40 * np.sinh(0.75), abs=1e-6)
 
 
 def test_impossible_wires_are_errors() -> None:

@@ -65,14 +65,14 @@ def test_profiles_have_the_spectrum_asked_for(waviness: float) -> None:
 def test_the_law_of_iso_8608_holds_but_for_what_lies_above_the_band() -> None:
     """For w = 2 the factor is sqrt(1 - (n / q_max)^2)."""
     for n in (0.2, 1.0, 3.0, 8.0):
-        assert expected(n, 2.0) == pytest.approx(Roughness(1.0).gd(n) * np.sqrt(1.0 - (n / BAND[1]) ** 2), rel=1e-6)
+        assert expected(n, 2.0) == pytest.approx((n / 0.1) ** -2.0 * np.sqrt(1.0 - (n / BAND[1]) ** 2), rel=1e-6)
 
 
 def test_classes_are_a_factor_of_four_apart() -> None:
     assert ISO_CLASSES["A"] == 16e-6
     assert ISO_CLASSES["E"] == 4096e-6
     assert ISO_CLASSES["H"] == pytest.approx(262144e-6)
-    assert GROUND_TYPES["lawn"].roughness.gd(0.1) == ISO_CLASSES["D"]
+    assert GROUND_TYPES["lawn"].roughness.unevenness == ISO_CLASSES["D"]
 
 
 def test_hills_are_kept_and_amplitudes_follow_the_cover() -> None:

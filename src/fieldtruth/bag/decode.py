@@ -4,6 +4,7 @@
 
 import struct
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -239,17 +240,20 @@ def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         BagError: a colour that no class has, with its pixel.
     """
     code = _colour_codes(tag_image)
-    edge = np.ones(code.size, np.bool_)
-    edge[1:] = code[1:] != code[:-1]
-    first = np.flatnonzero(edge)  # flat colours: far fewer runs of equal colour than pixels
-    run = code[first]
-    found = _SLOTS[run * _HASH >> np.uint32(32 - _HASH_BITS)]
-    if (bad := _CODES[found] != run).any():
-        row, column = divmod(int(first[bad][0]), tag_image.shape[1])
+    found = np.take(_class_of_colour(), code)
+    if not found.all():
+        row, column = divmod(int(np.argmin(found)), tag_image.shape[1])
         colour = " ".join(map(str, tag_image[row, column]))
         raise BagError(f"tag image: pixel in row {row}, column {column} has the colour {colour}, which no class has")
-    label: NDArray[np.uint8] = np.repeat(found, np.diff(first, append=code.size)).reshape(tag_image.shape[:-1])
-    return label
+    return found.reshape(tag_image.shape[:-1])
+
+
+@cache
+def _class_of_colour() -> NDArray[np.uint8]:
+    """Return the class by a colour's code; 0, which no pixel has, without one."""
+    table = np.zeros(2**24, np.uint8)
+    table[PALETTE[1:].astype(np.uint32) @ np.array([1, 256, 65536], np.uint32)] = np.arange(1, len(PALETTE))
+    return table
 
 
 def _colour_codes(tag_image: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -310,18 +314,6 @@ def _unpacked(message: Any) -> NDArray[Any]:
     return values.astype(np.uint16)[..., None] if wide else values
 
 
-def _perfect_hash() -> tuple[np.uint32, NDArray[np.uint8]]:
-    """Find a multiplier that hashes the colours of all classes without collision, and the class in each slot."""
-    codes = _CODES[1:]
-    for multiplier in np.random.default_rng(0).integers(1, 2**32, 10_000, np.uint32) | np.uint32(1):
-        slots = codes * multiplier >> np.uint32(32 - _HASH_BITS)
-        if len(np.unique(slots)) == len(codes):
-            table = np.zeros(1 << _HASH_BITS, np.uint8)
-            table[slots] = np.arange(1, len(_CODES))
-            return multiplier, table
-    raise AssertionError("no multiplier without collision")
-
-
 _RGB, _BGR = slice(0, 3), slice(2, None, -1)
 _COLOURS: Final = {
     "rgb8": ("u1", 3, _RGB), "bgr8": ("u1", 3, _BGR), "8UC3": ("u1", 3, _BGR), "rgb16": ("u2", 3, _RGB),
@@ -335,11 +327,6 @@ _DEPTHS: Final = {"32FC1": "f4", "64FC1": "f8", "16UC1": "u2", "mono16": "u2"}
 _IDS: Final = {"16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8": "u1", "32SC1": "i4"}
 _DEPTH_HEADER: Final = 12
 """Bytes before the PNG in an image of ``compressedDepth``: its format, and two numbers of its quantisation."""
-_RADIX: Final = np.array([1, 256, 65536], np.uint32)
-_CODES: Final[NDArray[np.uint32]] = (PALETTE.astype(np.uint32) @ _RADIX).astype(np.uint32)
-_CODES[0] = 0xFF000000  # void has no colour
-_HASH_BITS: Final = 8
-_HASH, _SLOTS = _perfect_hash()
 
 
 def _matrix(xyz: Any, q: Any) -> Array:

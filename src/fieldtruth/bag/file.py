@@ -324,7 +324,7 @@ class BagFile:
 
     @property
     def is_frames(self) -> bool:
-        """Whether each pose stands for itself, so that nothing moves from one to the next."""
+        """True if each pose stands for itself, so that nothing moves from one to the next."""
         return self.experiment is not None and self.experiment.frames is not None
 
     @property
@@ -356,7 +356,7 @@ class BagFile:
 
 
 def is_database(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2 other than an MCAP file."""
+    """Return whether a path looks like a bag of ROS 2 other than an MCAP file."""
     return path.suffix == ".db3" or (path / "metadata.yaml").is_file()
 
 

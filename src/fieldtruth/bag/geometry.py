@@ -392,7 +392,7 @@ class Lens(NamedTuple):
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether K alone describes it."""
+        """True if K alone describes it."""
         return self.model in ("", "plumb_bob") and not self.D.any()
 
 
@@ -404,7 +404,7 @@ class Calibration:
         self._lenses: dict[str, Lens] = {}
 
     def has_lens(self, sensor: str) -> bool:
-        """Whether the bag has the lens of a view."""
+        """Return whether the bag has the lens of a view."""
         return self._sensors[sensor].info in self._run.counts
 
     def lens(self, sensor: str) -> Lens:

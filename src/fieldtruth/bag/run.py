@@ -22,6 +22,7 @@ from fieldtruth.bag.geometry import (
     Calibration,
     Poses,
     Trajectory,
+    first_message,
     pose_topic,
     read_poses,
 )
@@ -111,8 +112,11 @@ def _other_fields(due: Mapping[str, str], message: Any) -> Iterator[str]:
             yield f"{name} as {found[name][1:]}, not {due[name][1:]}"
 
 
-def misfits(run: BagFile) -> str:
-    """Describe how the experiment beside a bag does not fit it, in one line; empty for a bag that it fits."""
+def misfits(run: "Run") -> str:
+    """Describe how the experiment beside a bag does not fit it, in one line; empty for a bag that it fits.
+
+    Of clouds, the first message is looked at: frame, rays and fields.
+    """
     if run.experiment is None:
         return ""
     topics = table.topics_of_run(run.experiment, latched=table.STATIC_MODEL_STATES in run.counts)
@@ -124,6 +128,11 @@ def misfits(run: BagFile) -> str:
         rate = _rate(run, topic.name)
         if rate and topic.rate_hz and abs(rate - topic.rate_hz) > _TOLERANCE * topic.rate_hz + 1.0 / run.duration_s:
             found.append(f"{topic.name} has {rate:.3g} Hz, not {topic.rate_hz:g} Hz")
+    for source in run.of(Cloud):
+        with suppress(BagError):  # a cloud that cannot be understood says so when it is read
+            text = unlike(source, first_message(run, source.topic))
+            run._compared.add(source.name)
+            found += [f"{source.topic} has {text}"] * bool(text)
     more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
     return f"experiment.yaml beside {run.bag} does not fit the bag: {'; '.join(found[:_SHOWN])}{more}" if found else ""
 
@@ -180,7 +189,7 @@ class Run(BagFile):
 
     @property
     def has_poses(self) -> bool:
-        """Whether the bag has true poses."""
+        """True if the bag has true poses."""
         return table.ODOMETRY in self.counts or table.MODEL_STATES in self.counts
 
     @cached_property
@@ -241,7 +250,10 @@ class Run(BagFile):
         source, message = found.source, found.message(0)
         if labelled and source.type is Cloud:
             warn_of_intensity(message, source.topic, self.bag)
-        if self.experiment is not None and (text := unlike(source, message)):
+        if self.experiment is None or source.name in self._compared:
+            return
+        self._compared.add(source.name)
+        if text := unlike(source, message):
             name = f"{self.bag}: {source.topics[found.parts[0]]} has {text}, unlike experiment.yaml; the bag counts"
             warnings.warn(name, FieldtruthWarning, stacklevel=5)
 
@@ -290,6 +302,11 @@ class Run(BagFile):
     @cached_property
     def _streams(self) -> dict[str, Stream]:
         return {}
+
+    @cached_property
+    def _compared(self) -> set[str]:
+        """Sensors whose first message was compared with their configuration."""
+        return set()
 
     @cached_property
     def _said(self) -> set[tuple[str, bool]]:

@@ -93,15 +93,6 @@ def latches_objects(experiment: Experiment, objects: int) -> bool:
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
 
 
-PARTS: Final = {
-    "photo": "photograph",
-    "label": "tag",
-    "depth": "depth",
-    "instance": "instances",
-    "normal": "normals",
-    "flow": "flow",
-}
-"""Stream of a camera by the field of an image that it becomes."""
 EXTRAS: Final = ("depth", "instance", "normal", "flow")
 """Fields of an image that are recorded on demand."""
 _TYPES: Final[Mapping[str, type[readings.Reading]]] = {
@@ -148,7 +139,7 @@ class Source:
         return tuple(part for part, topic in self.topics.items() if topic in present)
 
     def has(self, present: Container[str], *parts: str) -> bool:
-        """Whether a bag has some parts, by default the first."""
+        """Return whether a bag has some parts, by default the first."""
         return all(topic in present for topic in ([self.topics[part] for part in parts] or [self.topic]))
 
 

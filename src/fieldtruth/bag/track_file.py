@@ -122,7 +122,7 @@ def read_track_file(config: DriveConfig) -> TrackFile:
 
 
 def _is_bag(path: Path) -> bool:
-    """Whether a path is a folder, or begins as a bag; a pipe would be empty when it is read again.
+    """Return whether a path is a folder, or begins as a bag; a pipe would be empty when it is read again.
 
     Raises:
         TrackError: neither a folder nor a readable file.

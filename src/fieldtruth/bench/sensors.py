@@ -204,7 +204,7 @@ def measure_sensors(
         return {}
     record = None if slices is None else lambda k: slices.make_one(stretches.seconds[k])
     seconds, rays = _core_seconds(views, workers, record), sum(each.rays for each in views)
-    bare, tasks = seconds[0, 0], dict(zip(views[0].names, seconds[1:, 0].tolist(), strict=False))
+    bare, tasks = float(seconds[0, 0]), dict(zip(views[0].names, seconds[1:, 0].tolist(), strict=False))
     family = sensors[0].family
     found = {
         f"{family}_mrays_per_s": rays / 1e6 / next(iter(tasks.values())),

@@ -19,7 +19,7 @@ from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.lens import pinhole, ray_table
+from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Instance, World
@@ -57,7 +57,7 @@ class WholeObjects:
 
     def __init__(self, world: World, config: ImagingConfig) -> None:
         self.world, self.objects = world, named_objects(world)
-        self.config, self._lens, self._table = config, pinhole(config), ray_table(config)
+        self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
         self._hulls: dict[tuple[str, Labels], Array] = {}
         self._own = threading.local()

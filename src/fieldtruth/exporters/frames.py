@@ -22,11 +22,12 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import ROLES, bags_in
+from fieldtruth.experiment.sensor_families import IMAGES
 from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
@@ -283,7 +284,7 @@ class Frames:
             photo, suffix = stored_photo(readings.message(row, "photo"), image.label.shape)
         except BagError as error:
             raise BagError(f"{readings.source.topic} at {stamp} ns: {error}") from error
-        extras = {PARTS[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
+        extras = {IMAGES[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
         return View(photo, suffix, np.take(self._ids, image.label), extras)
 
     def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:

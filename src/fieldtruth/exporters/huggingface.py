@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import EXTRAS, PARTS, Source
+from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
+from fieldtruth.experiment.sensor_families import IMAGES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import (
     PAPER,
@@ -92,7 +93,7 @@ def class_names(labels: LabelMap) -> list[str]:
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
     views = [(member.run, v) for member in members for views in views_of(member.run).values() for v in views]
-    found = [_EXTRAS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
+    found = [_EXTRAS[IMAGES[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_COLUMNS["image"][:2], *found, *_COLUMNS["image"][2:]) if views else ()
     columns += _COLUMNS["lens"] * any(_is_distorted(run, view) for run, view in views)

@@ -7,17 +7,13 @@ exact: those of the meshes' vertices (Geiger et al., "Are we ready for Autonomou
 """
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.geometry import Trajectory
-from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.png import encode_png
@@ -54,18 +50,6 @@ class KittiBox(NamedTuple):
     rotation_y: float
 
 
-class _Source(NamedTuple):
-    """All that is needed to write a frame."""
-
-    clouds: Readings
-    images: Readings
-    world: World
-    view: Source
-    geometry: Geometry
-    trajectory: Trajectory
-    whole: WholeObjects
-
-
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder.
 
@@ -81,14 +65,26 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         world = world_of_run(run)
     clouds = run.readings(first_of_clouds(run).name, labelled=False)
     images = run.readings(view.name, ["photo", "instance"])
-    whole = WholeObjects(world, view.config)
-    source = _Source(clouds, images, world, view, read_geometry(run), run.trajectory, whole)
+    whole, geometry, trajectory = WholeObjects(world, view.config), read_geometry(run), run.trajectory
     folder = target / "training"
     for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
         (folder / name).mkdir(parents=True)
     if not (pairs := paired(clouds.stamps_ns, [images.stamps_ns])):
         raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
-    stamps = list(options.each("frames and boxes", run, list(enumerate(pairs)), partial(_save, source, folder)))
+
+    def save(numbered: tuple[int, Pair]) -> int:
+        number, pair = f"{numbered[0]:06d}", numbered[1]
+        image = images.read(pair.images[0])
+        (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image.photo))
+        write_cloud(folder / CLOUDS / f"{number}.bin", clouds.read(pair.cloud))
+        (folder / "calib" / f"{number}.txt").write_text(_calib(geometry), encoding="ascii")
+        world_from_cam0 = trajectory.world_from_base(pair.stamp_ns) @ geometry.base_from_cam0
+        labels, shares = _lines(whole, image.instance, world_from_cam0)
+        (folder / "label_2" / f"{number}.txt").write_text(labels, encoding="utf-8")
+        (folder / "visibility" / f"{number}.txt").write_text(shares, encoding="utf-8")
+        return pair.stamp_ns
+
+    stamps = list(options.each("frames and boxes", run, list(enumerate(pairs)), save))
     numbers = [f"{k:06d}\n" for k in range(len(stamps))]
     (target / "ImageSets").mkdir()
     (target / "ImageSets" / "train.txt").write_text("".join(numbers), encoding="ascii")
@@ -97,28 +93,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / "README.md").write_text(_TEXTS["readme"], encoding="utf-8")
 
 
-def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:
-    number, pair = f"{numbered[0]:06d}", numbered[1]
-    image = source.images.read(pair.images[0])
-    (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image.photo))
-    write_cloud(folder / CLOUDS / f"{number}.bin", source.clouds.read(pair.cloud))
-    (folder / "calib" / f"{number}.txt").write_text(_calib(source.geometry), encoding="ascii")
-    world_from_cam0 = source.trajectory.world_from_base(pair.stamp_ns) @ source.geometry.base_from_cam0
-    labels, shares = _lines(source, image.instance, world_from_cam0)
-    (folder / "label_2" / f"{number}.txt").write_text(labels, encoding="utf-8")
-    (folder / "visibility" / f"{number}.txt").write_text(shares, encoding="utf-8")
-    return pair.stamp_ns
-
-
 def _calib(geometry: Geometry) -> str:
     """Calibration of a frame: names and rotations that the devkit of objects has instead of those of odometry."""
     own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:")
     return f"{own}R0_rect: {row_text(np.eye(3))}\nTr_imu_to_velo: {row_text(np.eye(3, 4))}\n"
 
 
-def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, str]:
+def _lines(whole: WholeObjects, ids: Any, world_from_optical: Array) -> tuple[str, str]:
     """Lines of ``label_2`` and of ``visibility``."""
-    whole, config, labels, shares = source.whole, source.view.config, [], []
+    config, labels, shares = whole.config, [], []
     for object_id, pixels in visible_pixels(ids, whole.objects.keys()).items():
         bounds = whole.bounds(object_id, world_from_optical)
         if bounds is None:
@@ -126,7 +109,7 @@ def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, s
         instance = whole.objects[object_id]
         inside, alone = clipped(bounds, config.width, config.height), whole.silhouette(object_id, world_from_optical)
         share = pixels / max(alone.pixels, pixels)
-        box = kitti_box(source.world, object_id, world_from_optical, whole)
+        box = kitti_box(whole.world, object_id, world_from_optical, whole)
         alpha = _wrapped(box.rotation_y - float(np.arctan2(box.location[0], box.location[2])))
         occluded = 0 if share >= _PARTLY else 1 if share >= _LARGELY else 2
         numbers = [*inside, box.height, box.width, box.length, *box.location, box.rotation_y]

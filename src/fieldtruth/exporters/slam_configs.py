@@ -128,7 +128,7 @@ class Facts(NamedTuple):
 
 
 def read_facts(run: Run) -> Facts:
-    """Read what a bag has of the first sensors whose readings are clouds of scans, inertial and images.
+    """Read the sensors that programs can use: the first of scans, of inertial readings and of images in the bag.
 
     Raises:
         BagError: /tf_static is missing or does not connect a sensor with base_link, or the bag is damaged.

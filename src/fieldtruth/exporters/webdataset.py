@@ -51,11 +51,8 @@ class Sample(NamedTuple):
         return sum(_BLOCK + -(-len(data) // _BLOCK) * _BLOCK for data in self.parts.values())
 
 
-class _Content(NamedTuple):
-    """Samples of a run: views and sensors of clouds whose readings they have."""
-
-    views: list[Source]
-    clouds: list[Source]
+Content = tuple[list[Source], list[Source]]
+"""Views and sensors of clouds whose readings some samples of a run have."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -68,7 +65,9 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     labels = options.labels
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
-    names = sorted({name for own in contents.values() for name in own}, key=_rank)
+    names = sorted(
+        {name for own in contents.values() for name in own}, key=lambda name: (name.startswith("clouds"), name)
+    )
     shards: list[dict[str, Any]] = []
     for split, name in ((split, name) for split in SPLITS for name in names):
         with _Shards(target, split if name == "frames" else f"{name}-{split}", options.shard_bytes) as files:
@@ -86,7 +85,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / DATASET).write_text(_text(labels, list(described.values()), shards), encoding="utf-8")
 
 
-def _contents(run: Run) -> dict[str, _Content]:
+def _contents(run: Run) -> dict[str, Content]:
     """Contents of a run by name: frames of all views, of a sensor's with images in no such frame, and clouds of each.
 
     Raises:
@@ -94,23 +93,15 @@ def _contents(run: Run) -> dict[str, _Content]:
     """
     require_frames(run, clouds=True)
     devices, clouds = views_of(run), run.of(Cloud)
-    found: dict[str, _Content] = {}
+    found: dict[str, Content] = {}
     if every := [view for views in devices.values() for view in views]:
         common = count_common(run, every) if len(devices) > 1 else -1
         if common:
-            found["frames"] = _Content(every, clouds)
+            found["frames"] = every, clouds
         for name, views in devices.items() if len(devices) > 1 else ():
             if count_common(run, views) > common:
-                found[f"frames_{name}"] = _Content(views, clouds)
-    return found | {_name("clouds", each): _Content([], [each]) for each in clouds}
-
-
-def _name(what: str, sensor: Source) -> str:
-    return what if sensor.name == PAPER else f"{what}_{sensor.name}"
-
-
-def _rank(content: str) -> tuple[bool, str]:
-    return content.startswith("clouds"), content
+                found[f"frames_{name}"] = views, clouds
+    return found | {"clouds" if each.name == PAPER else f"clouds_{each.name}": ([], [each]) for each in clouds}
 
 
 def _samples(member: Member, frames: Frames, content: str, options: Options) -> Iterator[Sample]:
@@ -168,7 +159,7 @@ def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     return stream.getvalue()
 
 
-def _run_row(member: Member, contents: Mapping[str, _Content]) -> dict[str, Any]:
+def _run_row(member: Member, contents: Mapping[str, Content]) -> dict[str, Any]:
     row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
         row |= {"environment": made_by.environment, "seed": made_by.seed}

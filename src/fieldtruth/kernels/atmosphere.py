@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Light that clear air scatters: see ``render.atmosphere`` for the model and its sources."""
+"""Light that clear air scatters: see ``render.daylight`` for the model and its sources."""
 
 from typing import Final, NamedTuple
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.kernels import packets
-from fieldtruth.kernels.camera_rays import Pinhole
+from fieldtruth.kernels.camera_rays import Intrinsics
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.packets import Packet, set_ray
 from fieldtruth.kernels.textures import srgb_from_linear
@@ -409,7 +409,7 @@ class FlowPoints(NamedTuple):
 
 @kernel
 def move_points(
-    lens: Pinhole, table: Float32Array, moved: Array, depth: Float32Array, own: Mask, top: int, out: FlowPoints
+    lens: Intrinsics, table: Float32Array, moved: Array, depth: Float32Array, own: Mask, top: int, out: FlowPoints
 ) -> None:
     """Take the points of a band from the depth image to the next optical frame, and into a pinhole's image."""
     rows, width = out.distance.shape

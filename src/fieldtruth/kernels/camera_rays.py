@@ -24,7 +24,7 @@ from fieldtruth.kernels.packets import (
 )
 
 
-class Pinhole(NamedTuple):
+class Intrinsics(NamedTuple):
     """Intrinsics [pixel] in ROS's convention: the centre of the upper left pixel is (0, 0)."""
 
     fx: float
@@ -53,9 +53,9 @@ class View(NamedTuple):
     """A camera at a pose, as kernels take it."""
 
     pose: Array  # (4, 4) world_from_optical
-    pinhole: Pinhole
+    intrinsics: Intrinsics
     far: float  # [m] along the ray
-    table: Float32Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole: ``pinhole`` has it all
+    table: Float32Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole: ``intrinsics`` has it all
 
 
 class RayBatch(NamedTuple):
@@ -168,7 +168,7 @@ def gradients(view: View, batch: RayBatch, k: int, normal: tuple[float, float, f
     x = normal[0] * pose[0, 0] + normal[1] * pose[1, 0] + normal[2] * pose[2, 0]
     y = normal[0] * pose[0, 1] + normal[1] * pose[1, 1] + normal[2] * pose[2, 1]
     if len(table) == 0:
-        return x * batch.cosine[k] / view.pinhole.fx, y * batch.cosine[k] / view.pinhole.fy
+        return x * batch.cosine[k] / view.intrinsics.fx, y * batch.cosine[k] / view.intrinsics.fy
     z = normal[0] * pose[0, 2] + normal[1] * pose[1, 2] + normal[2] * pose[2, 2]
     u = min(max(int(batch.image[0, k] + np.float32(0.5)), 0), table.shape[1] - 1)
     v = min(max(int(batch.image[1, k] + np.float32(0.5)), 0), table.shape[0] - 1)
@@ -177,7 +177,9 @@ def gradients(view: View, batch: RayBatch, k: int, normal: tuple[float, float, f
 
 
 @inlined
-def _aim(pose: Array, lens: Pinhole, first: int, image: Float32Array, cosine: Array, direction: Float32Array) -> None:
+def _aim(
+    pose: Array, lens: Intrinsics, first: int, image: Float32Array, cosine: Array, direction: Float32Array
+) -> None:
     """Set the directions of a packet of a pinhole's rays, and the cosines of their angles to its axis."""
     per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
     m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]

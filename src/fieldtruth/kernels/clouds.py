@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Light that clouds scatter and stop: see ``render.clouds``."""
+"""Light that clouds scatter and stop: see ``render.daylight``."""
 
 from typing import Final, NamedTuple
 

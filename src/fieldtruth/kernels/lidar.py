@@ -159,7 +159,7 @@ def surface_of(
             return read_grid(surfaces.ground, x, y), 0.0, 1.0
         return (surfaces.border if inside > -surfaces.border_width else surfaces.trail), 0.0, 1.0
     row, material = surfaces.face_material[hits.mesh_face[hits.top_mesh[top]] + primitive], surfaces.material
-    return material[row, 0], material[row, 1], material[row, 2]  # type: ignore[return-value]
+    return material[row, 0], material[row, 1], material[row, 2]
 
 
 class Receiver(NamedTuple):
@@ -191,6 +191,9 @@ class SubRays(NamedTuple):
     weight: Array  # (rays,) share of the power
     choice: int
     pulse_length: float  # [m]
+    gain: float  # as of the receiver
+    threshold: float  # as of the receiver
+    packets: tuple[Packet, Packet]  # of the middles, and of the other rays
     origin: Array  # (LANES * rays, 3); see _slot for the rows, which those below have, too
     direction: Array  # (LANES * rays, 3) in the world
     range_m: Array  # (LANES * rays,) 0 for none
@@ -253,10 +256,8 @@ def trace_echoes(
     scene: np.uint64,
     hits: HitTable,
     surfaces: SurfaceTable | None,
-    packets: tuple[Packet, Packet],
     poses: Array,
     beams: Beams,
-    receiver: Receiver,
     rays: SubRays,
     out: EchoBuffers,
 ) -> None:
@@ -267,7 +268,7 @@ def trace_echoes(
     one ray, and only class, instance id and range are found. Arrays are indexed and never sliced: Numba counts the
     references of each slice, which takes longer.
     """
-    count = rays.weight.shape[0]
+    count, packets = rays.weight.shape[0], rays.packets
     columns, rings = out.true_range.shape
     for lane in range(_LANES):
         set_ray(packets[0], lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
@@ -290,7 +291,7 @@ def trace_echoes(
                 elif surfaces is not None:
                     _weigh(rays, beam)
                     if not _one_echo(rays, beam, column, ring, out):
-                        make_echoes(rays, beam, receiver, column, ring, out)
+                        make_echoes(rays, beam, column, ring, out)
 
 
 @inlined
@@ -373,7 +374,7 @@ def _one_echo(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuffers
 
 
 @kernel
-def make_echoes(rays: SubRays, beam: int, receiver: Receiver, column: int, ring: int, out: EchoBuffers) -> None:
+def make_echoes(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuffers) -> None:
     """Merge what the rays of a beam of the tile meet, and write the echoes that are reported."""
     range_m, power, order, count = rays.range_m, rays.power, rays.order, rays.weight.shape[0]
     out.true_range[column, ring] = range_m[beam]
@@ -401,7 +402,7 @@ def make_echoes(rays: SubRays, beam: int, receiver: Receiver, column: int, ring:
             best, second = (begin, total), best
         elif total > second[1]:
             second = begin, total
-        if total * receiver.gain >= receiver.threshold or receiver.gain == 0.0:
+        if total * rays.gain >= rays.threshold or rays.gain == 0.0:
             last = begin, total
     if rays.choice == STRONGEST or last[0] < 0:
         _write_echo(rays, left, best[0], (0, column, ring), out)

@@ -66,7 +66,7 @@ class _Read(NamedTuple):
 @kernel(inner=True)
 def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int) -> None:
     """Compute ``colour`` of the traced rays of a view and of wires; ``batch`` becomes that of what is behind them."""
-    pixel = 1.0 / view.pinhole.fx
+    pixel = 1.0 / view.intrinsics.fx
     wires = len(shading.wires.top) > 0
     if wires:
         _look_behind(shading, buffers, view, count)
@@ -81,7 +81,7 @@ def _look_behind(shading: Shading, buffers: ShadingBuffers, view: View, count: i
     packet, batch, radius = buffers.packet, buffers.batch, shading.wires.radius
     ray, words, valid = packet.ray, packet.words, packet.valid
     tops, geometry_top, rows = batch.top, shading.hits.geometry_top, buffers.shadow_rows
-    narrow = np.float32(0.5 * WIDEST / view.pinhole.fx)
+    narrow = np.float32(0.5 * WIDEST / view.intrinsics.fx)
     origin, filled = (view.pose[0, 3], view.pose[1, 3], view.pose[2, 3]), 0
     for k in range(count):
         if tops[k] > 0 and np.float32(0.0) < radius[tops[k]] < narrow * batch.distance[k]:
@@ -137,7 +137,7 @@ def _planes(wires: WireTable, view: View, centre: Array, rows: IntArray, out: Ar
     ``centre`` (4,) is the cone's middle direction and the greatest chord from it to the direction of a ray.
     """
     x, y, z = view.pose[0, 3], view.pose[1, 3], view.pose[2, 3]
-    margin = centre[3] + 0.5 * WIDEST / view.pinhole.fx + 2.0 / view.pinhole.fx
+    margin = centre[3] + 0.5 * WIDEST / view.intrinsics.fx + 2.0 / view.intrinsics.fx
     found = 0
     for wire in range(len(wires.top)):
         bx, by, bz = wires.ball[wire, 0] - x, wires.ball[wire, 1] - y, wires.ball[wire, 2] - z
@@ -188,7 +188,7 @@ def _cone(direction: Float32Array, first: int, end: int, out: Array) -> bool:
 @kernel(inner=True, allocates=True)
 def _draw(shading: Shading, batch: RayBatch, view: View, count: int, colour: Float32Array) -> None:
     """Blend wires over the colours of what is behind them, in packets of rays near which there is one."""
-    wires, cone, margin = shading.wires, np.empty(4), 3.5 / view.pinhole.fx
+    wires, cone, margin = shading.wires, np.empty(4), 3.5 / view.intrinsics.fx
     if not _cone(batch.direction, 0, count, cone):
         return
     rows, planes = np.empty((len(wires.start), 2), np.int32), np.empty((len(wires.start) + 1, 7))
@@ -245,7 +245,7 @@ def _draw_segment(
         share = -_dot(across, a) / _dot(across, along)
         distance = _dot(ray, a) + share * _dot(ray, along)
         half = chord.radius / max(distance, 1e-6)
-        if not 0.0 < distance < batch.distance[k] or 2.0 * half * view.pinhole.fx >= WIDEST:
+        if not 0.0 < distance < batch.distance[k] or 2.0 * half * view.intrinsics.fx >= WIDEST:
             continue
         right, down = gradients(view, batch, k, normal)
         du, dv = image[0, k] - np.floor(image[0, k] + 0.5), image[1, k] - np.floor(image[1, k] + 0.5)
@@ -499,7 +499,7 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
     height, width, _ = linear.shape
     batch = buffers.batch
     for upper in range(0, height, STRIP):
-        own = View(poses[upper // STRIP], view.pinhole, view.far, view.table)
+        own = View(poses[upper // STRIP], view.intrinsics, view.far, view.table)
         for left in range(0, width, _COLUMNS):
             count = _set_strip(upper, left, height, width, 0.0, 0.0, batch.image)
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
@@ -511,7 +511,7 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
         strip, end = edges.pixels[start, 0] // STRIP, start
         while end < count and edges.pixels[end, 0] // STRIP == strip:
             end += 1
-        refine(shading, framebuffer, View(poses[strip], view.pinhole, view.far, view.table), start, end)
+        refine(shading, framebuffer, View(poses[strip], view.intrinsics, view.far, view.table), start, end)
         start = end
 
 
@@ -530,7 +530,7 @@ def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: A
     for frame in range(len(poses)):
         dx, dy = offsets[frame, 0], offsets[frame, 1]
         for upper in range(0, height, STRIP):
-            own = View(poses[frame, upper // STRIP], view.pinhole, view.far, view.table)
+            own = View(poses[frame, upper // STRIP], view.intrinsics, view.far, view.table)
             for left in range(0, width, _COLUMNS):
                 count = _set_strip(upper, left, height, width, dx, dy, batch.image)
                 trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)

@@ -14,13 +14,13 @@ import numpy as np
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.lenses import FLAT, Lens, directions
 from fieldtruth.experiment.sensor_families import ImagingConfig
-from fieldtruth.kernels.camera_rays import NO_TABLE, Pinhole
+from fieldtruth.kernels.camera_rays import NO_TABLE, Intrinsics
 
 
-def pinhole(config: ImagingConfig) -> Pinhole:
+def intrinsics_of(config: ImagingConfig) -> Intrinsics:
     """Intrinsics of a camera, whatever its lens: ``lenses.Lens`` states what they mean for each model."""
     lens = config.projection
-    return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)
+    return Intrinsics(lens.fx, lens.fy, lens.cx, lens.cy)
 
 
 _ROWS: Final = 256  # inverted at once

@@ -115,9 +115,9 @@ class Context:
     rebuilt: SensorWorld | None = None
     """The world of the run, built again; None if it was not."""
     no_world: str = ""
-    """Why the world was not rebuilt."""
+    """The reason why the world was not rebuilt."""
     made_elsewhere: str = ""
-    """Why readings need not be equal to the last digit to those that this process makes; empty if they must be."""
+    """The reason why readings may differ in last digits from those that this process makes; empty if they may not."""
     motion: MotionWindow = field(default_factory=MotionWindow)
     parents: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""

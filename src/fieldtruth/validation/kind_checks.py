@@ -24,7 +24,7 @@ class LabelledPoints(NamedTuple):
     decode: Callable[[Any, int], NDArray[np.void]]
     """Returns the points (n,) of a message with a stamp [ns]: x, y, z [m] in its frame, label, instance."""
     not_comparable: str = ""
-    """Why its points are not those that are seen from one pose; empty if they are."""
+    """The reason why its points are not those seen from one pose; empty if they are."""
 
 
 class Pass(NamedTuple):

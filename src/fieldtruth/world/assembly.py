@@ -73,10 +73,17 @@ _Keep = Callable[[Mesh, Array], str | None]
 def cut_at_edge(world: World) -> World:
     """The world without its backdrop, without the members of swarms beyond its edge, and with all else cut there."""
     half, meshes = np.array(world.size) / 2, dict[str, Mesh]()
+    radius = {m.name: np.linalg.norm(m.vertices, axis=1).max(initial=0.0) for m in world.meshes.values()}
+
+    def is_inside(mesh: Mesh, pose: Array) -> bool:
+        farthest = np.abs(pose[:2, 3]) + np.linalg.norm(pose[:2, :3], axis=1) * radius[mesh.name]
+        if (farthest < half - 1e-3).all():  # nearly all members: none of their vertices has to be moved
+            return True
+        corners = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        return bool((np.abs(corners[:, :2]) <= half).all())
 
     def keep(mesh: Mesh, pose: Array) -> str | None:
-        corners = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
-        if (np.abs(corners[:, :2]) <= half).all():
+        if is_inside(mesh, pose):
             meshes.setdefault(mesh.name, mesh)
             return mesh.name
         part = _cut(replace(mesh, name=f"{mesh.name}_cut_{len(meshes)}"), pose, half)

@@ -42,10 +42,6 @@ class Roughness:
     unevenness: float  # Gd(n0) [m^3]
     waviness: float = 2.0
 
-    def gd(self, n: float) -> float:
-        """Gd [m^3] at a spatial frequency [cycles/m]."""
-        return float(self.unevenness * (n / REFERENCE_FREQUENCY) ** -self.waviness)
-
 
 @dataclass(frozen=True)
 class Layer:

@@ -189,11 +189,7 @@ class Heightfield:
 
     def height_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Height [m] of the triangles at world x, y [m] (any shape); outside the grid that of its edge."""
-        nx, ny = self.heights.shape
-        u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
-        v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
-        i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
-        fu, fv = u - i, v - j
+        i, j, fu, fv = _cell(self, self.heights.shape, x, y)
         h = self.heights  # picked before it is widened: a copy of two million nodes costs more than the lookup
         h00, h11 = h[i, j].astype(np.float64), h[i + 1, j + 1].astype(np.float64)
         corner = np.where(fu >= fv, h[i + 1, j], h[i, j + 1]).astype(np.float64)
@@ -219,17 +215,23 @@ class Raster:
 
     def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Bilinear value at world x, y [m]; outside the grid that of its edge."""
-        nx, ny = self.values.shape[:2]
-        u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
-        v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
-        i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
-        fu, fv = u - i, v - j
+        i, j, fu, fv = _cell(self, self.values.shape, x, y)
         if self.values.ndim == 3:
             fu, fv = fu[..., None], fv[..., None]
         g = self.values  # weights are float64, so is the sum
         low = g[i, j] * (1 - fv) + g[i, j + 1] * fv
         high = g[i + 1, j] * (1 - fv) + g[i + 1, j + 1] * fv
         return np.asarray(low * (1 - fu) + high * fu)
+
+
+def _cell(
+    grid: Heightfield | Raster, shape: tuple[int, ...], x: ArrayLike, y: ArrayLike
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+    """Row and column of the cells that hold positions, or of those at the edge, and the shares of a cell beyond."""
+    u = np.clip((np.asarray(x, np.float64) - grid.x0) / grid.spacing, 0, shape[0] - 1)
+    v = np.clip((np.asarray(y, np.float64) - grid.y0) / grid.spacing, 0, shape[1] - 1)
+    i, j = np.minimum(u.astype(int), shape[0] - 2), np.minimum(v.astype(int), shape[1] - 2)
+    return i, j, u - i, v - j
 
 
 def node_axes(grid: Heightfield | Raster) -> tuple[Array, Array]:

@@ -55,17 +55,6 @@ class Catenary:
         """Horizontal distance [m] between the ends."""
         return float(np.hypot(*(self.end - self.start)[:2]))
 
-    @property
-    def sag(self) -> float:
-        """Distance [m] in the middle of the span from the straight line between the ends down to the curve."""
-        return float((self.start[2] + self.end[2]) / 2 - self.height_at(self.span / 2))
-
-    @property
-    def length(self) -> float:
-        """Length [m] of the wire."""
-        a = self.parameter
-        return float(a * (np.sinh((self.span - self.lowest) / a) - np.sinh(-self.lowest / a)))
-
     def height_at(self, x: ArrayLike) -> Array:
         """Height [m] at horizontal distances [m] from the start (any shape)."""
         a = self.parameter

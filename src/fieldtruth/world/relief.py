@@ -53,6 +53,8 @@ from fieldtruth.world.grids import coarseness
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS, REFERENCE_FREQUENCY, Layer, Roughness
 from fieldtruth.world.model import Terrain, node_axes
 
+_TIGHTER: Final = 0.96
+
 
 def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:
     """Maximum slope [rise over run] at ``distance`` [m] from a route.
@@ -63,13 +65,13 @@ def slope_limit(distance: Array, *, within: float, beyond: float, near: float, f
     return np.asarray(np.tan(np.radians(within + (beyond - within) * t * t * (3.0 - 2.0 * t))))
 
 
-def limit_slope(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 40, tighter: float = 0.96) -> Array:
+def limit_slope(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 40) -> Array:
     """Heights (nx, ny) [m] whose slope nowhere exceeds ``limit`` [rise over run], a number or one per node.
 
-    The mean height is kept. Each round cuts to ``tighter`` times the limit, so that a few rounds get below it.
+    The mean height is kept. Each round cuts to ``_TIGHTER`` times the limit, so that a few rounds get below it.
     """
     h = np.array(heights, np.float64)
-    aim = np.broadcast_to(np.asarray(limit, np.float64) * tighter, h.shape)
+    aim = np.broadcast_to(np.asarray(limit, np.float64) * _TIGHTER, h.shape)
     nx, ny = h.shape
     waves = 2 * np.cos(np.pi * np.arange(nx) / nx)[:, None] + 2 * np.cos(np.pi * np.arange(ny) / ny) - 4
     waves[0, 0] = 1.0
@@ -77,7 +79,7 @@ def limit_slope(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int
     for _ in range(rounds):
         along, across = np.diff(h, axis=0) / spacing, np.diff(h, axis=1) / spacing
         share = np.minimum(1.0, aim / np.maximum(_steepness(along, across), 1e-9))
-        if share.min() > tighter - 0.005:
+        if share.min() > _TIGHTER - 0.005:
             break
         along = along * np.minimum(share[1:], share[:-1]) * spacing
         across = across * np.minimum(share[:, 1:], share[:, :-1]) * spacing

@@ -35,6 +35,7 @@ from fieldtruth.world.placement import (
     upright_pose,
 )
 
+TRIES: Final = 6000
 _SNAP: Final = 0.4
 """Distance, in sides of a triangle, within which vertices move onto an edge, so that edges are not jagged."""
 
@@ -289,6 +290,7 @@ def _collider(visible: Array, foot: float) -> Collider:
 
 LEAN: Final = 0.75
 """Slope of a rock relative to that of the ground."""
+_SECTORS: Final = 16
 BED: Final = 0.03
 """Least depth of a rock's rim in the ground [m], per square root of its radius [m]."""
 
@@ -307,13 +309,13 @@ def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, sc
     return pose
 
 
-def rim_vertices(mesh: Mesh, sectors: int = 16) -> Array:
+def rim_vertices(mesh: Mesh) -> Array:
     """The lowest vertex (k, 3) in the outer part of each sector around the rock; it must be below the ground."""
     points = mesh.vertices.astype(np.float64)
     away, turn = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
-    number = np.floor((turn / (2 * np.pi) + 0.5) * sectors).astype(int) % sectors
+    number = np.floor((turn / (2 * np.pi) + 0.5) * _SECTORS).astype(int) % _SECTORS
     found = []
-    for k in range(sectors):
+    for k in range(_SECTORS):
         rows = np.flatnonzero(number == k)
         if len(rows):
             outer = rows[away[rows] > 0.55 * away[rows].max()]
@@ -322,17 +324,17 @@ def rim_vertices(mesh: Mesh, sectors: int = 16) -> Array:
 
 
 def scatter_rocks(
-    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, density: Density, *, tries: int = 6000
+    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, density: Density
 ) -> list[Instance]:
     """Scatter rocks where ``density`` (share in [0, 1] at positions (n, 2)) allows them.
 
-    Draws ``tries`` positions and a number for each at first; then for each candidate that keeps the spacing a scale,
+    Draws ``TRIES`` positions and a number for each at first; then for each candidate that keeps the spacing a scale,
     whose logarithm is uniform, and for a placed rock yaw and tint.
 
     Raises:
         CrowdedWorldError: too few candidates are free even at a fifth of the spacing.
     """
-    darts = builder.random_positions(builder.tries(tries), rng)
+    darts = builder.random_positions(builder.tries(TRIES), rng)
     hits = darts[rng.random(len(darts)) < density(darts)]
 
     def attempt(xy: Array, number: int, apart: bool) -> Instance | None:

@@ -215,14 +215,19 @@ def make_lathe(material: str, profile: ArrayLike, *, sides: int = 24, faceted: b
     """
     points = np.asarray(profile, np.float64)
     steps = np.diff(points, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    outward = np.stack([steps[:, 1], -steps[:, 0]], axis=1) / lengths[:, None]
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    outward, along = _sides(steps)
     bands = []
     for k in range(len(steps)):
         ends = [_blend(outward, k, k - 1), _blend(outward, k, k + 1)]
         bands.append(_band(material, points[k : k + 2], np.array(ends), along[k : k + 2], sides, faceted))
     return merge_meshes("part", bands, footprint=0.0)
+
+
+def _sides(steps: Array) -> tuple[Array, Array]:
+    """Unit normals (n, 2) to the right of the steps (n, 2) [m] of a path, and the length [m] up to each point."""
+    lengths = np.linalg.norm(steps, axis=1)
+    outward = np.stack([steps[:, 1], -steps[:, 0]], axis=1) / lengths[:, None]
+    return outward, np.concatenate([[0.0], np.cumsum(lengths)])
 
 
 def _blend(outward: Array, k: int, neighbour: int) -> Array:
@@ -264,9 +269,7 @@ def make_extrusion(material: str, outline: ArrayLike, width: float) -> Mesh:
     points = np.asarray(outline, np.float64)
     count = len(points)
     steps = np.roll(points, -1, axis=0) - points
-    lengths = np.linalg.norm(steps, axis=1)
-    outward = np.stack([steps[:, 1], -steps[:, 0]], axis=1) / lengths[:, None]
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    outward, along = _sides(steps)
     vertices, normals, uv = np.zeros((count, 4, 3)), np.zeros((count, 4, 3)), np.zeros((count, 4, 2))
     sharp = np.cos(np.radians(CREASE_DEG))
     for k in range(count):

@@ -20,7 +20,7 @@ from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
-from fieldtruth.sense.lens import pinhole, ray_table
+from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.robot import RobotView, hide_world, meet
 from fieldtruth.sense.scene import Scene
 
@@ -65,7 +65,7 @@ class LabelCamera:
     def __init__(self, config: ImagingConfig, scene: Scene, *, reuse: bool = False) -> None:
         self.config = config
         self.scene = scene
-        self.pinhole = pinhole(config)
+        self.intrinsics = intrinsics_of(config)
         self._table = ray_table(config)
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
@@ -109,7 +109,7 @@ class LabelCamera:
         for top in range(0, height, _BAND):
             rows = slice(top, min(top + _BAND, height))
             points = FlowPoints(*(each[: rows.stop - top] for each in band))
-            move_points(self.pinhole, self._table, moved, images.depth, own, top, points)
+            move_points(self.intrinsics, self._table, moved, images.depth, own, top, points)
             if len(self._table):
                 points.image[:] = lenses.project(lens, points.ray)
             if robot is not None:
@@ -152,7 +152,7 @@ class LabelCamera:
         return LabelBuffers(images.label, images.instance, images.depth, NormalBuffers(images.normal, self._axes))
 
     def _view(self, world_from_optical: Array) -> View:
-        return View(np.ascontiguousarray(world_from_optical, np.float64), self.pinhole, self.config.far, self._table)
+        return View(np.ascontiguousarray(world_from_optical, np.float64), self.intrinsics, self.config.far, self._table)
 
 
 def tag_image(label: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -474,7 +474,7 @@ class Camera(IdealCamera):
 
     def metering_image(self, world_from_optical: Array) -> Array:
         """Metering image (n, 3): light at the world's exposure of rays that are evenly spread over the image."""
-        batch, lens = self._framebuffer.shading.batch, self.pinhole
+        batch, lens = self._framebuffer.shading.batch, self.intrinsics
         count = self._meter_points.shape[1]
         batch.image[:, :count] = self._meter_points
         pixel = self.config.width / METERING[0] / lens.fx

@@ -321,13 +321,16 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
     angle = 2.0 * np.pi * ring / max(count - 1, 1)
     offset = np.zeros((TURNS, count, 2))
     offset[:, 1:] = radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    memory = LANES * count
+    memory, receiver = LANES * count, receiver_of(signal)
     return SubRays(
         offset=offset,
         scale=float(1.0 / np.sqrt(1.0 + radius**2)),
         weight=np.array([0.5, *(count - 1) * (0.5 / (count - 1),)] if count > 1 else [1.0]),
         choice=("strongest", "last", "two").index(signal.returns),
         pulse_length=signal.pulse_length,
+        gain=receiver.gain,
+        threshold=receiver.threshold,
+        packets=(new_packet(coherent=False), new_packet(coherent=True)),  # the first 12 % faster in the park
         origin=np.zeros((memory, 3)),
         direction=np.zeros((memory, 3)),
         range_m=np.zeros(memory),
@@ -372,10 +375,7 @@ class IdealLidar:
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
         self._beams = Beams(ray_directions(config), ring_lag(config), config.min_range, config.max_range, returns)
-        # Incoherent: 12 % faster in the park, as fast in the forest. Other rays of one beam are coherent.
-        self._packets = new_packet(coherent=False), new_packet(coherent=True)
-        self._receiver, self._middle = receiver_of(LidarSignal()), sub_rays_of(LidarSignal())
-        self._rays = self._middle
+        self._rays = self._middle = sub_rays_of(LidarSignal())
         self._surfaces: SurfaceTable | None = None
         self._echoes = echo_buffers(1, config.columns, config.rings)
         self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
@@ -419,8 +419,7 @@ class IdealLidar:
     def _trace(
         self, surfaces: SurfaceTable | None, poses: Array, beams: Beams, rays: SubRays, out: EchoBuffers
     ) -> None:
-        handle, hits = self.scene.rays.handle, self.scene.hits
-        trace_echoes(handle, hits, surfaces, self._packets, poses, beams, self._receiver, rays, out)
+        trace_echoes(self.scene.rays.handle, self.scene.hits, surfaces, poses, beams, rays, out)
 
     def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
         """Put the robot's echoes instead of those of what it hides; what is too near makes none."""

@@ -95,7 +95,10 @@ def make_texture(name: str, seed: np.random.SeedSequence) -> NDArray[np.uint8]:
 def _drawn(name: str, entropy: int | tuple[int, ...], spawn_key: tuple[int, ...]) -> NDArray[np.uint8]:
     texture = TEXTURES[name]
     rng = np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=spawn_key))
-    image = finish(DRAWINGS[texture.draw](rng, **texture.parameters), texture.albedo)
+    try:
+        image = finish(DRAWINGS[texture.draw](rng, **texture.parameters), texture.albedo)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"textures.{name}: {error}") from error
     image.flags.writeable = False
     return image
 

@@ -40,6 +40,9 @@ N: Final = 1024
 """Texels along each side."""
 Pair = tuple[float, float]
 """Least and greatest value."""
+Above = Annotated[float, Field(gt=0)]
+Sizes = tuple[Above, Above]
+"""Least and greatest size."""
 Count = Annotated[int, Field(ge=1)]
 
 
@@ -48,10 +51,10 @@ class Noise:
     """Smooth noise of ``low`` to ``high`` cycles per tile, as in ``canvas.noise``."""
 
     shape: Literal["noise"]
-    low: float
-    high: float
+    low: Above
+    high: Above
     slope: float = 1.0
-    stretch: float = 1.0
+    stretch: Above = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +79,7 @@ class Pieces:
 
     count: Count
     tones: Tones
-    tone: Pair = (2.0, 2.0)
+    tone: Sizes = (2.0, 2.0)
 
     def scattered(self, rng: Rng) -> Samples:
         """Scatter the pieces, with heights 0 to 1."""
@@ -92,9 +95,9 @@ class Blades(Pieces):
     """Blades, needles, straw and twigs, which rise from one end to the other, as ``canvas.strokes``."""
 
     shape: Literal["blades"]
-    length: Pair  # [texel]
-    width: float  # [texel]
-    bend: float
+    length: Sizes  # [texel]
+    width: Above  # [texel]
+    bend: Annotated[float, Field(ge=0)]
     heights: Pair = (0.0, 1.0)
     tall: Sum | None = None
     """Of the place: a factor on the height."""
@@ -127,8 +130,8 @@ class Stones(Pieces):
     """
 
     shape: Literal["stones", "shards"]
-    radius: Pair  # [texel]
-    power: float = 2.5
+    radius: Sizes  # [texel]
+    power: Above = 2.5
     rise: Pair = (0.0, 1.0)
     """Heights of the smallest and the largest stones."""
 
@@ -152,10 +155,10 @@ class Flat(Pieces):
     """Flat pieces: dead leaves, chips of bark, leaves of clover, bits of reed."""
 
     shape: Literal["leaves", "chips", "clover", "reed"]
-    length: Pair  # [texel], half of it
-    gamma: Pair | None = None
+    length: Sizes  # [texel], half of it
+    gamma: Sizes | None = None
     """Shape and scale of the gamma distribution of lengths, which ``length`` then limits; None: uniform."""
-    width: Pair = (0.4, 0.75)  # relative to the length; of reed, half of it [texel]
+    width: Sizes = (0.4, 0.75)  # relative to the length; of reed, half of it [texel]
     rise: Pair | float = (0.0, 1.0)
 
     def scattered(self, rng: Rng) -> Samples:
@@ -245,7 +248,7 @@ def strewn(
     rng: Rng,
     *,
     steps: Mapping[str, Step],
-    laid: Sequence[str],
+    laid: Annotated[tuple[str, ...], Field(min_length=1)],
     soil: Soil,
     height: Sum,
     depth: float = 1.0,

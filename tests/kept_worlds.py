@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds, scenes, light and second tracers that tests of one process share."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeVar, cast
+
+import pytest
+
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
+from fieldtruth.render import daylight
+from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.scene import Scene
+from fieldtruth.validation.tracer import ReferenceTracer
+from fieldtruth.world.build import load_world
+from fieldtruth.world.grids import BUILT_IN
+from fieldtruth.world.model import World
+
+_FULL: Final = daylight.DOME_TEXELS
+_T = TypeVar("_T")
+
+
+class Kept:
+    """Worlds with what is made of them, each made once in a process. To load and to light a park takes seconds."""
+
+    def __init__(self) -> None:
+        self._made = dict[Any, Any]()
+
+    def load_world(self, environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
+        return self._once((environment, seed, repr(layout or {})), load_world, environment, seed, layout)
+
+    def world_of(self, e: Experiment) -> World:
+        return self.load_world(e.environment, e.seed, e.layout)
+
+    def scene(self, world: World) -> Scene:
+        return self._once(("scene", id(world)), Scene, world)
+
+    def tracer(self, world: World) -> ReferenceTracer:
+        return self._once(("tracer", id(world)), ReferenceTracer, world)
+
+    def bake(
+        self, scene: Scene, light: LightConfig | None = None, weather: WeatherConfig | None = None, **_: Any
+    ) -> BakedScene:
+        """The light of a scene; built-in worlds have skies of the full size, as in other processes."""
+        texels = _FULL if scene.world.size == BUILT_IN else daylight.DOME_TEXELS
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(daylight, "DOME_TEXELS", texels)
+            key = id(scene), light or LightConfig(), weather or WeatherConfig(), texels
+            return self._once(key, bake, scene, light, weather)
+
+    def _once(self, key: Any, make: Callable[..., _T], *given: Any) -> _T:
+        if key not in self._made:
+            self._made[key] = make(*given), given  # which are kept, so that nothing else gets their ids
+        return cast(_T, self._made[key][0])
