@@ -214,7 +214,7 @@ def stored_with(at: str, model: str | None, **rig: Any) -> str:
         ("0", "vn_100", {"imu": {"signal": "datasheet"}}, r"\.model is vn_100, .*of a sensor without a model; "),
         ("0", "vn_100", {}, r"rig\.sensors\[0\]\.model is vn_100, .*those of a sensor without a model; "),
         ("0", "bmi088", {"imu": {"model": "vn_100"}}, r"\.model is bmi088, but .* those of vn_100; "),
-        ("0", None, {"imu": {"model": "vn_100"}}, r"\.model .* those of vn_100; name vn_100$"),
+        ("0", None, {"imu": {"model": "vn_100"}}, r"\.model is null, .* those of vn_100; name vn_100$"),
         ("1", "neo_m8n", {"gnss": {"model": "duro"}}, r"\.model is neo_m8n, but .* of duro; leave out what"),
         (
             "0",

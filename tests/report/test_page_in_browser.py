@@ -98,7 +98,7 @@ def test_pointing_at_a_curve_shows_values_of_all_curves_and_moves_the_robot(plai
         for words, (times, values) in zip(shown, numbers["curves"][curve], strict=True):
             nearest = int(np.abs(np.array(times) - at).argmin())
             assert float(words.replace("\N{MINUS SIGN}", "-")) == values[nearest]
-    cursor = plain.page.locator(".curve[data-key=gnss] .cursor").bounding_box()
+    cursor = plain.page.locator(".curve[data-key=position] .cursor").bounding_box()
     assert cursor["x"] == pytest.approx(box["x"] + 0.75 * box["width"], abs=1.5)
     moved = plain.page.locator("#robot").bounding_box()
     sheet = plain.page.locator(".map .sheet").bounding_box()

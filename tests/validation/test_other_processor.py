@@ -16,11 +16,10 @@ from changed_bags import LEFT, POINTS, SMALL, Edit, Edits, bag_in, edited, failu
 
 from fieldtruth.bag.provenance import difference, makers_of, note, noted, read_checksums, sha256_of, this_process
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.config import Experiment, random_route
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.embree import native_packet
-from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
@@ -160,22 +159,14 @@ def test_wrong_readings_of_another_processor_fail(
 # Two processes: bags that either makes are validated by the other
 
 
-SMALL_WORLD = {"size": [40.0, 30.0], "individuals": 1, "beyond": False}
-LAYOUTS = {"lake_1": SMALL_WORLD | {"size": [60.0, 50.0]}}  # poles of its line are 46 m apart
-
-
 def short(name: str) -> Experiment:
-    """Some clouds and images in a small world; of park and lake a second with large ones, which differ."""
-    experiment = load_experiment(name)
-    size = {} if name in ("park_1", "lake_1") else {"width": SMALL[1], "height": SMALL[0]}
-    rig = experiment.rig.with_sensors(StereoConfig, rate_hz=5.0, instances=True, **size)
-    values = {
-        "seconds": 1.0 if not size else 0.4,
-        "layout": LAYOUTS.get(name, SMALL_WORLD),
-        "route": random_route(20.0, 1),
-        "rig": rig,
-    }
-    return experiment.model_copy(update=values)
+    """Some clouds of an experiment and two images of each camera; of park and lake a second with five large ones."""
+    large = name in ("park_1", "lake_1")  # whose images differ between processors
+    values = load_experiment(name).model_dump() | {"seconds": 1.0 if large else 0.4}
+    values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
+    if not large:
+        values["rig"]["cameras"] |= {"width": SMALL[1], "height": SMALL[0]}
+    return Experiment.model_validate(values)
 
 
 def failures_here(run: Path) -> dict[str, str]:

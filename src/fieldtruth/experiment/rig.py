@@ -137,7 +137,7 @@ def without_models(given: Mapping[str, Any]) -> Mapping[str, Any]:
             items.append((("sensors", i, "model"), item, of_sensors[name], f"{MODELS}.sensors.{name}"))
     for at, item, whose, key in items:
         if isinstance(item, Mapping) and (model := item.get("model")) != whose:
-            what = f"is {model or 'none'}, but the figures are those of {whose or 'a sensor without a model'}"
+            what = f"is {model or 'null'}, but the figures are those of {whose or 'a sensor without a model'}"
             rest = f"leave out what {model} shall give, and rig.{key}" if model else f"name {whose}"
             raise LocatedError(f"{what}; {rest}", at)
     return {key: value for key, value in given.items() if key != MODELS}
