@@ -64,7 +64,7 @@ def test_settings_of_another_sensor_are_refused() -> None:
     with pytest.raises(ConfigurationError, match=r"^cameras must be of type StereoConfig, got 3$"):
         paper_rig(cameras=3)  # type: ignore[arg-type]
     with pytest.raises(ConfigurationError, match=r"^imu must be of type ImuConfig, got "):
-        paper_rig(imu=StereoConfig())  # type: ignore[arg-type]
+        paper_rig(imu=StereoConfig())
 
 
 def test_the_short_form_changes_the_first_sensor_of_a_list() -> None:

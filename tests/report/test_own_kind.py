@@ -7,7 +7,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytest
-from report_worlds import RIG, plain
+from report_worlds import plain
+from small_park import RIG
 
 from fieldtruth.bench.sensors import measure_sensors, stretches_of
 from fieldtruth.core.classes import Label
