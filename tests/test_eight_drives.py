@@ -21,7 +21,8 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment, metres_from_route
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS

@@ -51,11 +51,11 @@ from .experiment.config import route_from_metres as route_from_metres
 from .experiment.config import route_yaml as route_yaml
 from .experiment.fields import Mount as Mount
 from .experiment.files import dump_experiment as dump_experiment
-from .experiment.files import list_experiments as list_experiments
 from .experiment.files import load_experiment as load_experiment
 from .experiment.files import parse_experiment as parse_experiment
 from .experiment.files import with_overrides as with_overrides
 from .experiment.light_config import LightConfig as LightConfig
+from .experiment.names import list_experiments as list_experiments
 from .experiment.rig import Rig as Rig
 from .experiment.rig import paper_rig as paper_rig
 from .experiment.robot_config import RobotConfig as RobotConfig

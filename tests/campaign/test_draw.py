@@ -21,7 +21,8 @@ from fieldtruth.campaign.state import digest_of
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment, with_overrides
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -7,7 +7,7 @@ from drive_worlds import make_experiment, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.files import EXPERIMENTS
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 
 EXPERIMENT = make_experiment([(0.0, 0.0), (8.0, 0.0)], start=(-8.0, 0.0))

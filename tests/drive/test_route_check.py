@@ -14,7 +14,8 @@ from fieldtruth.core.errors import DriveError, FieldtruthError, RouteError
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import ControlConfig, Experiment, metres_from_route, random_route
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment, parse_experiment
+from fieldtruth.experiment.files import load_experiment, parse_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.world.model import World
 
 POST = obstacle("post_7", "cylinder", (0.3, 2.0), 6.0, 0.0)

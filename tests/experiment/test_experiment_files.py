@@ -22,15 +22,9 @@ from fieldtruth import (
     UnknownNameError,
 )
 from fieldtruth.experiment.config import ControlConfig, metres_from_route
-from fieldtruth.experiment.files import (
-    EXPERIMENTS,
-    dump_experiment,
-    list_experiments,
-    load_experiment,
-    parse_experiment,
-    with_overrides,
-)
+from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.names import EXPERIMENTS, list_experiments
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.imu.config import ImuConfig

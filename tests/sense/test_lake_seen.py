@@ -12,7 +12,8 @@ from sense_worlds import built_scene, make_world, trace_rays
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import metres_from_route
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene

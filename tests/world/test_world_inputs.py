@@ -9,7 +9,8 @@ import pytest
 
 from fieldtruth.core import cache
 from fieldtruth.experiment.config import metres_from_route
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.grids import Line
@@ -47,7 +48,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     modules = [f"{ENVIRONMENTS['park'].package}.build", "fieldtruth.world.build"]
     inputs = [path.relative_to(source).as_posix() for path in cache.import_closure(modules, source)]
     assert not [path for path in inputs if path.startswith("fieldtruth/experiment/builtin/")]
-    assert "fieldtruth/experiment/files.py" not in inputs
+    assert "fieldtruth/experiment/names.py" not in inputs
 
 
 @pytest.mark.parametrize(

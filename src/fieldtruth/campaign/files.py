@@ -20,7 +20,8 @@ from fieldtruth.core.files import output_errors, remove_abandoned, write_atomica
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
-from fieldtruth.experiment.files import EXPERIMENTS, VERSION_KEY, check_version, load_experiment
+from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS
 from fieldtruth.experiment.sensor_config import known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF

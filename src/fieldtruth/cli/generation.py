@@ -210,7 +210,7 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_robots
-    from fieldtruth.experiment.files import list_experiments
+    from fieldtruth.experiment.names import list_experiments
     from fieldtruth.ontology import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
 
@@ -269,7 +269,8 @@ def _preview(options: argparse.Namespace) -> None:
 
 
 def _shares(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.files import EXPERIMENTS, with_overrides
+    from fieldtruth.experiment.files import with_overrides
+    from fieldtruth.experiment.names import EXPERIMENTS
 
     if not options.experiments:
         raise UsageError(f"give experiments, or all. Available: {', '.join(EXPERIMENTS)}")

@@ -46,7 +46,8 @@ from fieldtruth.experiment.config import (
     metres_from_route,
     route_from_metres,
 )
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield, World
 

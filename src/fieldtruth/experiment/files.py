@@ -11,34 +11,20 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import configuration_error, shortened
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS
 from fieldtruth.experiment.sensor_config import SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
-EXPERIMENTS: Final[Registry[str]] = Registry(
-    "experiment",
-    "experiments",
-    ".yaml",
-    lambda _, given: read_text(Path(given)),
-    Path(__file__).parent / "builtin",
-)
-"""Those of the package by name, and added ones: in folders ``experiments`` of FIELDTRUTH_PATH, or named by entry points
-of ``fieldtruth.experiments``. No configuration imports this module, so that a new one changes no world's cache key."""
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""
 HEADER: Final = """\
 # The whole input of this data set: running it again gives the same bag.
 #   fieldtruth generate experiment.yaml
 """
-
-
-def list_experiments() -> dict[str, str]:
-    """Name and one-line description of each experiment."""
-    return {name: str(parse_mapping(text, name).get("description", "")) for name, text in EXPERIMENTS.items()}
 
 
 def load_experiment(name_or_path: str | Path) -> Experiment:

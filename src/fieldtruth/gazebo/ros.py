@@ -22,7 +22,8 @@ from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
-from fieldtruth.experiment.files import EXPERIMENTS, dump_experiment, load_experiment
+from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
 from fieldtruth.gazebo.files import render, write

@@ -26,7 +26,8 @@ from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track, state_at
 from fieldtruth.experiment.config import Experiment, RouteConfig
-from fieldtruth.experiment.files import EXPERIMENTS, load_experiment, validated
+from fieldtruth.experiment.files import load_experiment, validated
+from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene, given_world
