@@ -17,12 +17,12 @@ from views import poses_on_route
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.kernels.camera import tonemap
 from fieldtruth.kernels.camera_rays import BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
 from fieldtruth.kernels.light import Shading, dim
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import Framebuffer, find_edges, store
 from fieldtruth.kernels.shading import PASSES, shade_hits
+from fieldtruth.kernels.tone_curve import tonemap
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig

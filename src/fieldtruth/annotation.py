@@ -43,7 +43,8 @@ from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.core.files import locked, output_errors, output_path
+from fieldtruth.core.files import output_errors, output_path
+from fieldtruth.core.locks import locked
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.core.readings import Cloud

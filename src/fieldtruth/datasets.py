@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.file import BAG_ENDINGS, BagError, find_bag, is_database
 from fieldtruth.bag.geometry import Lens, Poses
-from fieldtruth.bag.readings import Readings, nearest, reflectivity
+from fieldtruth.bag.readings import Readings, reflectivity
 from fieldtruth.bag.run import open_run
+from fieldtruth.bag.stamps import nearest
 from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label

@@ -21,8 +21,8 @@ from rosbags.rosbag1 import Reader, Writer
 import fieldtruth as ft
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.readings import rising_rows
 from fieldtruth.bag.run import misfits, open_run
+from fieldtruth.bag.stamps import rising_rows
 from fieldtruth.bag.topics import sources_of
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError

@@ -22,7 +22,7 @@ from fieldtruth.campaign.estimate import estimate
 from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
 from fieldtruth.campaign.state import Failure, Kind, Manifest, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
-from fieldtruth.core.files import LOCK_OWNER
+from fieldtruth.core.locks import LOCK_OWNER
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.pipeline import generate

@@ -21,7 +21,7 @@ from fieldtruth.campaign.files import load_campaign
 from fieldtruth.campaign.state import MANIFEST, Manifest, State, digest_of
 from fieldtruth.campaign.task import Options, generate_campaign, run_campaign
 from fieldtruth.core.errors import OutputError, RouteError
-from fieldtruth.core.files import locked
+from fieldtruth.core.locks import locked
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.pipeline import generate

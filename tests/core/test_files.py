@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import atomic_output, locked, output_errors, remove, remove_abandoned, write_atomically
+from fieldtruth.core.files import atomic_output, output_errors, remove, remove_abandoned, write_atomically
+from fieldtruth.core.locks import locked
 
 
 def test_a_file_is_replaced_only_when_it_is_whole(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_a_folder_is_written_as_a_whole(tmp_path: Path) -> None:
 def test_a_second_process_cannot_lock_a_folder_until_the_first_ends(tmp_path: Path) -> None:
     hold = (
         "from pathlib import Path\n"
-        "from fieldtruth.core.files import locked\n"
+        "from fieldtruth.core.locks import locked\n"
         f"with locked(Path({str(tmp_path)!r})):\n"
         "    print('held', flush=True)\n"
         "    input()\n"
@@ -103,7 +104,7 @@ def refuse(*_):
 
 fcntl.flock = refuse
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.files import locked
+from fieldtruth.core.locks import locked
 try:
     with locked(Path(sys.argv[1])):
         print("held", flush=True)

@@ -20,7 +20,7 @@ from fieldtruth import pipeline
 from fieldtruth.bag.writer import GrowingBag
 from fieldtruth.core import cache
 from fieldtruth.core.errors import DriveError, FieldtruthWarning, OutputError
-from fieldtruth.core.files import locked
+from fieldtruth.core.locks import locked
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.light_config import WeatherConfig

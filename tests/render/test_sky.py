@@ -10,9 +10,9 @@ from scipy.ndimage import label
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import PRESETS, Light, LightConfig, Preset
-from fieldtruth.kernels.camera import FILMIC, FILMIC_TOP
 from fieldtruth.kernels.clouds import MAP_TEXEL
 from fieldtruth.kernels.light import DISC, LIMB, RADIUS, Dome
+from fieldtruth.kernels.tone_curve import FILMIC, FILMIC_TOP
 from fieldtruth.render.daylight import (
     FULLEST,
     LUMINANCE,

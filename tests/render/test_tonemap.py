@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fieldtruth.kernels.camera import WHITE, tonemap
+from fieldtruth.kernels.tone_curve import WHITE, tonemap
 
 
 def test_light_just_below_zero_is_black_and_light_above_white_is_white() -> None:

@@ -22,7 +22,7 @@ from fieldtruth.bag.decode import UNIT, matrix, stamp_ns
 from fieldtruth.bag.file import BagError, BagFile
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.reader import Decoder, RawMessage, Storage, decoder, open_bag
-from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
+from fieldtruth.bag.stamps import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts, Mask

@@ -27,7 +27,8 @@ from fieldtruth.bag.geometry import (
     read_poses,
 )
 from fieldtruth.bag.reader import Storage, decoder, open_bag
-from fieldtruth.bag.readings import Readings, Stream, read_streams, warn_of_intensity
+from fieldtruth.bag.readings import Readings, warn_of_intensity
+from fieldtruth.bag.stamps import Stream, read_streams
 from fieldtruth.bag.topics import Source, sources_of
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics of a bag with message type and rate, and the sensors of a rig as a bag has them.
 
-Topics are those of the paper's Table 5, with additions. Their order is that of connection numbers, and of messages with
-the same stamp.
+Topics are those of the paper's Table 5, with additions; each sensor's own is in `sensors/KIND/config.py`. Their order
+is that of connection numbers, and of messages with the same stamp.
 """
 
 from collections.abc import Container, Iterator, Mapping

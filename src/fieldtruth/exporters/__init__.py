@@ -16,7 +16,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
-from fieldtruth.core.files import locked, output_errors, output_path, remove, replace_synced
+from fieldtruth.core.files import output_errors, output_path, remove, replace_synced
+from fieldtruth.core.locks import locked
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Message

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
+from fieldtruth.bag.readings import Readings, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.stamps import matched
 from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError

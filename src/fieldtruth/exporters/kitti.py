@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import seconds
-from fieldtruth.bag.readings import nearest, reflectivity
+from fieldtruth.bag.readings import reflectivity
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.stamps import nearest
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts

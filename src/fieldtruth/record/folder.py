@@ -17,7 +17,8 @@ from typing import Final, NamedTuple
 from fieldtruth.bag.file import CARD, EXPERIMENT, MADE_BY, TRACK
 from fieldtruth.bag.provenance import CHECKSUMS, checksum_lines, sha256_of
 from fieldtruth.core.errors import FieldtruthError, OutputError
-from fieldtruth.core.files import locked, output_errors, remove, replace_synced, write_atomically
+from fieldtruth.core.files import output_errors, remove, replace_synced, write_atomically
+from fieldtruth.core.locks import locked
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 

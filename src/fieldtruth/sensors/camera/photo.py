@@ -21,11 +21,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.kernels.camera import (
     CELL,
-    FILMIC,
-    FILMIC_TOP,
-    Curve,
     Sensor,
-    apply_curve,
     blend_cells,
     blur,
     expose,
@@ -37,6 +33,7 @@ from fieldtruth.kernels.camera import (
     spread_colours,
 )
 from fieldtruth.kernels.textures import srgb_from_linear
+from fieldtruth.kernels.tone_curve import FILMIC, FILMIC_TOP, Curve, apply_curve
 from fieldtruth.sensors.camera.config import IDENTITY, CameraConfig, CameraSignal, Mosaic, Response
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)

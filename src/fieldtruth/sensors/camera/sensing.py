@@ -25,7 +25,7 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import PoseAt
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
-from fieldtruth.kernels.camera import add_dust, draw_drops, draw_streaks, tonemap
+from fieldtruth.kernels.camera import add_dust, draw_drops, draw_streaks
 from fieldtruth.kernels.camera_rays import View, label_image, trace
 from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.kernels.packets import LabelBuffers
@@ -39,6 +39,7 @@ from fieldtruth.kernels.photograph import (
     render_strips,
     strips_of,
 )
+from fieldtruth.kernels.tone_curve import tonemap
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.robot import paint_robot
 from fieldtruth.sense.air import Drops, rain, snow
