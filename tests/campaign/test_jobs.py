@@ -37,7 +37,7 @@ def park(seconds: float, count: int = 2) -> Campaign:
 
 
 def with_tiny_cameras(campaign: Campaign) -> Campaign:
-    return campaign.model_copy(update={"cameras": True, "rigs": {"cameras": {"width": 64, "height": 48}}})
+    return campaign.model_copy(update={"switches": {"cameras": True}, "rigs": {"cameras": {"width": 64, "height": 48}}})
 
 
 def files(out: Path) -> dict[str, str]:
