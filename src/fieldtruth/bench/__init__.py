@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The speed of this machine: each sensor against bare Embree on the same rays, recording, and memory."""
 
-import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Final
 
 from fieldtruth.bench.sensors import measure_sensors, recording, stretches_of
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.parallel import cpu_count, peak_memory
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import experiments_in
@@ -85,17 +84,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
                 found |= measure_sensors(driven, alike, stretches, workers, slices)
             else:
                 found |= measure_sensors(driven, alike, stretches._replace(views=_SCANS), workers)
-    return found | peak
-
-
-def peak_memory() -> dict[str, float]:
-    """Peak memory [10^6 bytes] of this process so far, as ``peak_rss_mb``; empty on Windows."""
-    try:
-        import resource
-    except ImportError:
-        return {}
-    unit = 1e6 if sys.platform == "darwin" else 1e6 / 1024  # bytes on macOS, else kilobytes (getrusage(2))
-    return {"peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit}
+    return found | ({"peak_rss_mb": peak / 1e6} if peak else {})
 
 
 def unit_of(figure: str) -> str:

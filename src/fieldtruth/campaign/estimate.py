@@ -8,7 +8,6 @@ Two simulated seconds of a run are measured in a process of their own, so that i
 import json
 import multiprocessing
 import os
-import resource
 import shutil
 import signal
 import sys
@@ -29,7 +28,7 @@ from fieldtruth.core.cache import SEAL_SIZE, cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import output_errors, remove
-from fieldtruth.core.parallel import check_memory, cpu_count
+from fieldtruth.core.parallel import check_memory, cpu_count, peak_memory
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
@@ -172,7 +171,7 @@ def measured(experiment: Experiment, folder: Path) -> Figures:
     workers = min(2, cpu_count())
     short = _shortened(experiment, min(MEASURED_S, simulated_s(experiment)))
     bag = generate(short, folder, workers=workers, progress=stages)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    memory = peak_memory() or 0
     start = monotonic()
     world = world_of(short)
     load_s = monotonic() - start

@@ -4,6 +4,7 @@
 
 import contextlib
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -39,7 +40,7 @@ def in_order(items: Iterable[T], work: Callable[[T], R], workers: int) -> Iterat
                 future.cancel()
 
 
-_SYSTEM: Final = Path("/proc/meminfo")
+_SYSTEM, _OWN = Path("/proc/meminfo"), Path("/proc/self/status")
 _LIMIT, _USED = Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
 
 
@@ -52,6 +53,21 @@ def available_memory() -> int | None:
     with contextlib.suppress(OSError, ValueError):  # "max": no limit
         found.append(int(_LIMIT.read_text()) - int(_USED.read_text()))
     return min(found, default=None)
+
+
+def peak_memory() -> int | None:
+    """Largest memory [byte] that this process has held so far; None on Windows.
+
+    Linux counts ``ru_maxrss`` of a new process from the memory of the process that started it, ``VmHWM`` from its own.
+    """
+    with contextlib.suppress(OSError, KeyError, ValueError):
+        lines = dict(line.split(":", 1) for line in _OWN.read_text().splitlines())
+        return int(lines["VmHWM"].split()[0]) * 1024
+    try:
+        import resource
+    except ImportError:
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def check_memory(needed: int, task: str, remedy: str) -> None:
