@@ -19,8 +19,9 @@ from time import perf_counter
 from views import record
 
 import fieldtruth as ft
-from fieldtruth.bench import peak_memory, settings_of, table
+from fieldtruth.bench import settings_of, table
 from fieldtruth.bench.sensors import stretches_of
+from fieldtruth.core.parallel import peak_memory
 from fieldtruth.drive.plan import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
@@ -77,7 +78,7 @@ def stages(environment: str) -> dict[str, float]:
             took, images, _ = record(baked, track, rig, stretches_of(track.duration_s, PAIRS, 2), workers=workers)
             rates[workers] = max(rates[workers], images / took)
     found["two_workers_speedup"] = rates[2] / rates[1]
-    return found | peak_memory()
+    return found | {"peak_rss_mb": (peak_memory() or 0) / 1e6}
 
 
 def main() -> None:
