@@ -12,7 +12,7 @@ from many_sensors import many_rig, many_sensors
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
 from fieldtruth.core import transforms
-from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, UnknownNameError
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -65,6 +65,9 @@ def test_settings_of_another_sensor_are_refused() -> None:
         paper_rig(cameras=3)  # type: ignore[arg-type]
     with pytest.raises(ConfigurationError, match=r"^imu must be of type ImuConfig, got "):
         paper_rig(imu=StereoConfig())
+    for own in (None, LidarConfig()):
+        with pytest.raises(UnknownNameError, match=r"^unknown sensor of the paper 'lidr'; did you mean 'lidar'"):
+            paper_rig(lidr=own)
 
 
 def test_the_short_form_changes_the_first_sensor_of_a_list() -> None:

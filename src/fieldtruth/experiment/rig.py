@@ -352,6 +352,9 @@ def paper_rig(**sensors: SensorConfig | None) -> Rig:
         UnknownNameError: no such sensor.
     """
     by_kind = {str(paper.kind): _short_key(type(paper)) for paper in PAPER_SENSORS}
+    for name in sensors:
+        if name not in (*by_kind, *by_kind.values()):
+            raise UnknownNameError("sensor of the paper", name, by_kind.values())
     given = {name: own for name, own in sensors.items() if own is not None}
     for kind, key in by_kind.items():
         if kind != key and kind in given:
@@ -365,8 +368,6 @@ def paper_rig(**sensors: SensorConfig | None) -> Rig:
         if not isinstance(own, type(paper)):
             raise ConfigurationError(f"{name} must be of type {type(paper).__name__}, got {shortened(own)}")
         changed.append(own)
-    if given:
-        raise UnknownNameError("sensor of the paper", next(iter(given)), by_kind.values())
     return Rig(sensors=tuple(changed))
 
 
