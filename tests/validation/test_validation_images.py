@@ -79,7 +79,7 @@ def ground(lean_run: Path) -> tuple[int, int]:
 
 @pytest.fixture(scope="module")
 def objects(lean_run: Path) -> int:
-    """How many ids there are, with that of sky and robot."""
+    """Number of ids, with that of sky and robot."""
     reader = ModelStatesReader()
     reader.poses(first_message(lean_run, MODEL_STATES).data)
     return len(reader.names)
