@@ -8,7 +8,7 @@ check:  ## lint, format, import layers and types
 	ruff check .
 	ruff format --check .
 	lint-imports
-	mypy src tests examples benchmarks
+	mypy
 
 test:  ## the default tests: some minutes on many cores, longer on two
 	pytest

@@ -20,7 +20,7 @@ from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.world.build import world_of
 
 SHARES = {"park": 0.02, "forest": 0.3, "lake": 0.35, "hillside": 0.3}
-"""Where on the route of the environment's first experiment the view is, from 0 to 1."""
+"""Position of the view on the route of the environment's first experiment, from 0 to 1."""
 SEASONS = ("spring", "summer", "autumn", "winter")
 SNOW_M = 0.1
 LIGHTS = ("summer_day", "clear_morning", "noon", "low_sun", "dusk", "overcast")
@@ -53,8 +53,8 @@ def lights() -> NDArray[np.uint8]:
     found = []
     for light in LIGHTS:
         image = view("hillside", 560, light)
-        place = 12, image.shape[0] - 12
-        found.append(cv2.putText(image, light, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA))
+        at = 12, image.shape[0] - 12
+        found.append(cv2.putText(image, light, at, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA))
     return np.vstack([np.hstack(found[k : k + 2]) for k in range(0, len(found), 2)])
 
 

@@ -26,8 +26,6 @@ from fieldtruth.pipeline import generate
 from fieldtruth.render import daylight
 from fieldtruth.render.daylight import Daylight
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.validation import Check
-from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -155,12 +153,6 @@ def in_park(kept: Kept) -> Iterator[None]:
         for module in ("sensors.kind", "report.page.map", "report.preview"):
             patch.setattr(f"fieldtruth.{module}.bake", kept.bake)
         yield
-
-
-@pytest.fixture
-def validate_in_park(in_park: None) -> Callable[..., list[Check]]:
-    """``validate`` with the world already built."""
-    return validate
 
 
 # ---------------------------------------------------------------------------------------------------------------------

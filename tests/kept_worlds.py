@@ -40,9 +40,14 @@ class Kept:
         return self._once(("tracer", id(world)), ReferenceTracer, world)
 
     def bake(
-        self, scene: Scene, light: LightConfig | None = None, weather: WeatherConfig | None = None, **_: Any
+        self,
+        scene: Scene,
+        light: LightConfig | None = None,
+        weather: WeatherConfig | None = None,
+        *,
+        workers: int | None = None,
     ) -> BakedScene:
-        """The light of a scene; built-in worlds have skies of the full size, as in other processes."""
+        """The light of a scene, for any workers; built-in worlds have skies of the full size, as in other processes."""
         texels = _FULL if scene.world.size == BUILT_IN else daylight.DOME_TEXELS
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(daylight, "DOME_TEXELS", texels)

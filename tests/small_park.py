@@ -27,6 +27,6 @@ def small_park() -> World:
 
 
 def in_small_park(**values: Any) -> Experiment:
-    """An experiment there."""
+    """An experiment in the small park; ``values`` replace or add keys."""
     usual = {"name": "small", "environment": "park", "layout": LAYOUT, "route": ROUTE}
     return Experiment.model_validate(usual | values)

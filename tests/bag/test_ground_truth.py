@@ -134,12 +134,14 @@ def test_instances_are_rows_of_model_states(park_bag: Path) -> None:
 def test_gnss_and_imu_agree_with_the_true_pose(park_bag: Path) -> None:
     static = static_transforms(park_bag)
     odometry = messages(park_bag, "/ground_truth/odom")
-    for stamp, fix in messages(park_bag, "/navsat/fix").items():
+    fixes, readings = messages(park_bag, "/navsat/fix"), messages(park_bag, "/imu/data")
+    assert (len(fixes), len(readings)) == (1, 30)
+    for stamp, fix in fixes.items():
         world_from_base = pose_matrix(odometry[stamp].pose.pose)
         antenna = (world_from_base @ static["base_link", "GNSS_link"])[:3, 3]
         told = geodesy.world_from_geodetic([fix.latitude, fix.longitude, fix.altitude])
         assert np.linalg.norm(told - antenna) < 1e-3
-    for stamp, reading in messages(park_bag, "/imu/data").items():
+    for stamp, reading in readings.items():
         q = reading.orientation
         world_from_imu = transforms.rotation_from_quaternion_wxyz([q.w, q.x, q.y, q.z])
         world_from_base = world_from_imu @ static["base_link", "imu_link"][:3, :3].T

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Memory of a process: its own alone."""
+"""Peak memory of a process: its own, not that of the process that started it."""
 
 import subprocess
 import sys

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from test_many_sensors_in_gazebo import RIG
-from test_ros_package import small_park
+from test_ros_package import inclined_park
 
 import fieldtruth.gazebo.worlds
 import fieldtruth.world.build
@@ -24,7 +24,7 @@ def built(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Any, ..
 
     def load_world(*given: Any) -> Any:
         asked.append(given)
-        return small_park()
+        return inclined_park()
 
     monkeypatch.setattr(fieldtruth.world.build, "load_world", load_world)
     monkeypatch.setattr(fieldtruth.gazebo.worlds, "write_world", lambda *given, **named: None)

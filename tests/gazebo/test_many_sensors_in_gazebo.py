@@ -15,7 +15,7 @@ import yaml
 import yourdfpy
 from many_sensors import many_rig, many_sensors
 from test_robot import FLAVOURS, _canonical, _tool, pose, sdf, values
-from test_ros_package import FakeRos, fake, package, small_park
+from test_ros_package import FakeRos, fake, inclined_park, package
 
 import fieldtruth.gazebo
 from fieldtruth.bag import topics
@@ -304,7 +304,7 @@ def test_what_gazebo_does_not_have_is_one_line(change: dict[str, Any] | None, li
     for flavour in ("classic", "both"):
         with pytest.raises(ConfigurationError) as error:
             fieldtruth.gazebo.write_gazebo(
-                small_park(), tmp_path / "out", flavour=flavour, rig=Rig.model_validate({"sensors": changed})
+                inclined_park(), tmp_path / "out", flavour=flavour, rig=Rig.model_validate({"sensors": changed})
             )
         assert str(error.value) == line
     assert not list(tmp_path.iterdir())

@@ -37,7 +37,7 @@ ROS = pytest.mark.parametrize("ros", [1, 2])
 SLOPE = 0.1  # rise along x
 
 
-def small_park() -> World:
+def inclined_park() -> World:
     """A plane that rises along x, under the name of an environment."""
     x = np.linspace(-50.0, 50.0, 101)
     heights = np.repeat((SLOPE * x)[:, None], 51, axis=1).astype(np.float32)
@@ -56,7 +56,7 @@ def small_park() -> World:
 
 
 def package(folder: Path, ros: int, rig: Rig | None = None) -> Path:
-    write_ros_package(folder, small_park(), rig or Rig(), "classic" if ros == 1 else "gz")
+    write_ros_package(folder, inclined_park(), rig or Rig(), "classic" if ros == 1 else "gz")
     return folder
 
 

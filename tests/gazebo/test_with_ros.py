@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_ros_package import small_park
+from test_ros_package import inclined_park
 
 from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, wxyz_from_xyzw
@@ -96,7 +96,7 @@ print(json.dumps([
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("package")
     write_robot(folder, Rig(), "classic")
-    write_ros_package(folder, small_park(), Rig(), "classic")
+    write_ros_package(folder, inclined_park(), Rig(), "classic")
     return folder
 
 

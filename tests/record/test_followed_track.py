@@ -3,7 +3,6 @@
 """Runs along a track file: the track of a drive gives its images and clouds, and the run makes itself again."""
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, Output
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
-from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 pytestmark = pytest.mark.usefixtures("in_park")
 
@@ -87,8 +86,8 @@ def test_the_imu_is_that_of_the_drive_but_for_rounding(small_run: Path, again: P
             np.testing.assert_allclose(a, b, atol=tolerance)
 
 
-def test_a_run_along_a_track_is_valid(again: Path, validate_in_park: Callable[..., list[Check]]) -> None:
-    checks = {check.name: check for check in validate_in_park(again, samples=1)}
+def test_a_run_along_a_track_is_valid(again: Path) -> None:
+    checks = {check.name: check for check in validate(again, samples=1)}
     assert {name for name, check in checks.items() if check.passed is False} == set()
     assert {name for name, check in checks.items() if check.passed is None} == {
         "wheels", "wheel odometry", "commands", "photographs",
@@ -97,13 +96,11 @@ def test_a_run_along_a_track_is_valid(again: Path, validate_in_park: Callable[..
     assert checks["drive"].text.endswith("1.2 s as in the experiment")
 
 
-def test_a_changed_track_file_fails_the_validation(
-    tmp_path: Path, validate_in_park: Callable[..., list[Check]]
-) -> None:
+def test_a_changed_track_file_fails_the_validation(tmp_path: Path) -> None:
     run = generate(load_experiment(written(tmp_path)), tmp_path).parent
     stored = run / "track.csv"
     stored.write_text(stored.read_text().replace("-32.5,", "-32.49,"))
-    checks = {check.name: check for check in validate_in_park(run, quick=True)}
+    checks = {check.name: check for check in validate(run, quick=True)}
     assert "track.csv has changed" in checks["checksums"].text
     assert checks["drive"].passed is False
     assert "1 of 10 mismatch, first at 500000000 ns: 0.01 m or of a rotation" in checks["drive"].text

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of separate frames: each is a pair and a cloud with exact labels, and readers, exports and checks take them."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 SMALL = {"cameras": {"width": 320, "height": 184, "instances": True}}
 SKIPPED = {"motion", "imu", "gnss", "wheels", "wheel odometry", "commands", "depth"}
@@ -55,10 +54,9 @@ def test_every_frame_has_a_pair_and_a_cloud_and_nothing_that_needs_motion(frames
     assert "/imu/data" not in card
 
 
-def test_validate_passes_and_says_what_does_not_apply(
-    frames_run: Path, validate_in_park: Callable[..., list[Check]]
-) -> None:
-    checks = validate_in_park(frames_run, full=True, samples=4)
+@pytest.mark.usefixtures("in_park")
+def test_validate_passes_and_says_what_does_not_apply(frames_run: Path) -> None:
+    checks = validate(frames_run, full=True, samples=4)
     assert {check.name: check.text for check in checks if check.passed is False} == {}
     skipped = {check.name: check.text for check in checks if check.passed is None}
     assert set(skipped) == SKIPPED

@@ -78,7 +78,7 @@ def test_free_viewpoints_are_clear_of_obstacles_dry_and_face_the_middle() -> Non
     assert (np.abs(found[:, :2]) < 12).all()
     outlines = obstacle_outlines(park)
     assert len(outlines) > 3
-    assert min(distance_to(each, found[:, :2]).min() for each in outlines) > 1.0
+    assert min(distance_to(each, found[:, :2]).min() for each in outlines) > 1.5  # 1 m around corners
     towards = found[:, :2] + 5 * np.column_stack([np.cos(found[:, 2]), np.sin(found[:, 2])])
     assert np.hypot(*towards.T).mean() < np.hypot(*found[:, :2].T).mean()
     level = float(np.median(park.terrain.field.heights))

@@ -43,7 +43,7 @@ def test_bytes_do_not_depend_on_workers(runs: dict[str, Path]) -> None:
 
 
 def test_only_photographs_differ(runs: dict[str, Path], tmp_path: Path) -> None:
-    """From a run of ideal cameras in clear weather."""
+    """All other messages are those of a run of ideal cameras in clear weather."""
     real, ideal = _messages(runs["1"]), _messages(generate(_experiment(None), tmp_path, workers=1))
     assert ideal.keys() == real.keys()
     assert {topic for topic in ideal if ideal[topic] != real[topic]} == {

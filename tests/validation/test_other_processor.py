@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.embree import native_packet
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
-Validate = Callable[..., list[Check]]
 TAG = LEFT.topic_of("tag")
 LARGE = LEFT.config.height, LEFT.config.width
 ELSEWHERE = this_process() | {"packet width": "1", "Numba's processor": "abacus"}
@@ -125,11 +122,12 @@ def changed(run: Path, target: Path, edits: Edits, makers: list[dict[str, str]] 
 
 
 @pytest.mark.parametrize("makers", [[ELSEWHERE], [this_process(), ELSEWHERE], None])
+@pytest.mark.usefixtures("in_park")
 def test_last_digits_of_another_processor_pass(
-    makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path, validate_in_park: Validate
+    makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path
 ) -> None:
     """Four of five clouds are equal, so that no share of equal ones shows the processor."""
-    checks = validate_in_park(changed(lean_run, tmp_path, {(POINTS, 2): last_digit}, makers), samples=1)
+    checks = validate(changed(lean_run, tmp_path, {(POINTS, 2): last_digit}, makers), samples=1)
     assert failures(checks) == {}
     texts = {check.name: check.text for check in checks}
     reason = "no made_by.json says" if makers is None else "made with other packet width, Numba's processor"
@@ -137,19 +135,21 @@ def test_last_digits_of_another_processor_pass(
     assert reason in texts["retraced images"]
 
 
-def test_last_digits_of_this_processor_fail(lean_run: Path, tmp_path: Path, validate_in_park: Validate) -> None:
+@pytest.mark.usefixtures("in_park")
+def test_last_digits_of_this_processor_fail(lean_run: Path, tmp_path: Path) -> None:
     """All five clouds differ."""
     edits: Edits = {(POINTS, k): last_digit for k in range(5)}
-    texts = failures(validate_in_park(changed(lean_run, tmp_path, edits, [this_process()]), samples=1))
+    texts = failures(validate(changed(lean_run, tmp_path, edits, [this_process()]), samples=1))
     assert list(texts) == ["retraced clouds"]
     assert "equal to the last digit: 5 of 5 mismatch" in texts["retraced clouds"]
 
 
 @pytest.mark.parametrize("makers", [[ELSEWHERE], None])
+@pytest.mark.usefixtures("in_park")
 def test_wrong_readings_of_another_processor_fail(
-    makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path, validate_in_park: Validate
+    makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path
 ) -> None:
-    texts = failures(validate_in_park(changed(lean_run, tmp_path, wrong(SMALL), makers), full=True, samples=1))
+    texts = failures(validate(changed(lean_run, tmp_path, wrong(SMALL), makers), full=True, samples=1))
     assert set(texts) == {"retraced clouds", "retraced images"}
     assert "10 of" in texts["retraced clouds"]
     assert "3 of" in texts["retraced images"]

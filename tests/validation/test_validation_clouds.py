@@ -3,7 +3,6 @@
 """A changed label, instance id or coordinate of a single point is found, though checksums and index fit."""
 
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,8 @@ from changed_bags import POINTS, Edit, Edits, edited, failures, failures_of, fir
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
-Validate = Callable[..., list[Check]]
 Points = NDArray[np.void]
 
 
@@ -153,23 +150,21 @@ def vanish(data: bytearray) -> None:
         struct.pack_into("<L", data, offset, struct.unpack_from("<L", data, offset)[0] - size)
 
 
-def test_points_that_only_the_world_contradicts_are_found_by_retracing(
-    lean_run: Path, tmp_path: Path, validate_in_park: Validate
-) -> None:
+@pytest.mark.usefixtures("in_park")
+def test_points_that_only_the_world_contradicts_are_found_by_retracing(lean_run: Path, tmp_path: Path) -> None:
     """One ray in each of the five clouds, that no other check detects."""
     edits = [swapped(Label.TREETOP, Label.TRUNK), swapped(Label.GROUND, Label.TRAIL), nearer, another_tree, vanish]
     folder = rewritten(lean_run, tmp_path, edited({(POINTS, k): edit for k, edit in enumerate(edits)}))
     assert failures(validate(folder, quick=True)) == {}
-    texts = failures(validate_in_park(folder, samples=1))
+    texts = failures(validate(folder, samples=1))
     assert list(texts) == ["retraced clouds"]
     assert f"5 of {5 * 512 * 64:,} mismatch" in texts["retraced clouds"]
     assert "class 2 of object" in texts["retraced clouds"]
     assert "but there is treetop" in texts["retraced clouds"]
 
 
-def test_one_last_digit_is_found_where_all_other_clouds_are_equal(
-    small_run: Path, tmp_path: Path, validate_in_park: Validate
-) -> None:
+@pytest.mark.usefixtures("in_park")
+def test_one_last_digit_is_found_where_all_other_clouds_are_equal(small_run: Path, tmp_path: Path) -> None:
     """Half a micrometre along the ray: another processor may differ by more, but eleven clouds are equal."""
 
     def next_number(data: bytearray) -> None:
@@ -178,7 +173,7 @@ def test_one_last_digit_is_found_where_all_other_clouds_are_equal(
             points[axis][77] = np.nextafter(points[axis][77], np.float32(0))
 
     folder = rewritten(small_run, tmp_path, edited({(POINTS, 6): next_number}))
-    texts = failures(validate_in_park(folder, samples=1))
+    texts = failures(validate(folder, samples=1))
     assert list(texts) == ["retraced clouds"]
     expected = f"equal to the last digit: 1 of 12 mismatch, first {POINTS} at 700000000 ns"
     assert expected in texts["retraced clouds"]

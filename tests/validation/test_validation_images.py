@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A changed pixel is found: by its colour, its object, its depth, or by rendering the image again."""
 
-from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
@@ -27,10 +26,8 @@ from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.topics import MODEL_STATES
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
-Validate = Callable[..., list[Check]]
 TAG, DEPTH, IDS = LEFT.topic_of("tag"), LEFT.topic_of("depth"), LEFT.topic_of("instances")
 ALL_PIXELS = f"{26 * 184 * 320:,}"
 
@@ -82,7 +79,7 @@ def ground(lean_run: Path) -> tuple[int, int]:
 
 @pytest.fixture(scope="module")
 def objects(lean_run: Path) -> int:
-    """How many ids there are, with that of sky and robot."""
+    """Number of ids, with that of sky and robot."""
     reader = ModelStatesReader()
     reader.poses(first_message(lean_run, MODEL_STATES).data)
     return len(reader.names)
@@ -167,8 +164,9 @@ def test_objects_that_do_not_exist_are_found(
     assert f"160000000 ns, row 100, column 100: object {objects} of {objects}" in texts["object classes"]
 
 
+@pytest.mark.usefixtures("in_park")
 def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
-    lean_run: Path, tmp_path: Path, validate_in_park: Validate, leaf: tuple[int, int], ground: tuple[int, int]
+    lean_run: Path, tmp_path: Path, leaf: tuple[int, int], ground: tuple[int, int]
 ) -> None:
     """A leaf labelled wood, ground labelled trail, depth 1 cm too long, a leaf of another tree.
 
@@ -198,7 +196,7 @@ def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
 
     folder = rewritten(lean_run, tmp_path, change)
     assert failures(validate(folder, quick=True)) == {}
-    texts = failures(validate_in_park(folder, full=True, samples=1))
+    texts = failures(validate(folder, full=True, samples=1))
     assert set(texts) == {"retraced images", "photographs"}
     assert f"4 of {ALL_PIXELS} mismatch" in texts["retraced images"]
     assert f"row {leaf[0]}, column {leaf[1]}: class 2 of object" in texts["retraced images"]

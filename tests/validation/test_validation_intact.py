@@ -3,7 +3,6 @@
 """Intact runs of several rigs pass every check; the output and the documentation name all checks."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -28,15 +27,14 @@ NAMES = [
 ]  # fmt: skip
 """Names for programs: they are stable."""
 
-Validate = Callable[..., list[Check]]
-
 
 def passed(checks: list[Check]) -> dict[str, bool | None]:
     return {check.name: check.passed for check in checks}
 
 
-def test_an_intact_run_passes_every_check(lean_run: Path, validate_in_park: Validate) -> None:
-    checks = validate_in_park(lean_run, full=True, samples=4)
+@pytest.mark.usefixtures("in_park")
+def test_an_intact_run_passes_every_check(lean_run: Path) -> None:
+    checks = validate(lean_run, full=True, samples=4)
     assert passed(checks) == dict.fromkeys(NAMES, True), failures(checks)
     assert list(passed(checks)) == NAMES
     texts = {check.name: check.text for check in checks}
@@ -55,14 +53,15 @@ def test_the_result_does_not_depend_on_the_number_of_threads(lean_run: Path) -> 
     assert validate(lean_run, quick=True, workers=1) == validate(lean_run, quick=True, workers=5)
 
 
-def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, validate_in_park: Validate) -> None:
+@pytest.mark.usefixtures("in_park")
+def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path) -> None:
     """A rig without cameras records the same bag without their topics."""
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
         return None if raw.topic in CAMERA_TOPICS else raw
 
     blind = with_overrides(load_experiment(lean_run / "experiment.yaml"), cameras=False)
-    checks = validate_in_park(rewritten(lean_run, tmp_path, change, blind), samples=4)
+    checks = validate(rewritten(lean_run, tmp_path, change, blind), samples=4)
     about_images = {"images", "tag colours", "depth", "lidar and cameras", "retraced images", "photographs"}
     assert passed(checks) == {name: None if name in about_images else True for name in NAMES}, failures(checks)
 
@@ -79,8 +78,9 @@ def spinning_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("spinning")).parent
 
 
-def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, validate_in_park: Validate) -> None:
-    checks = validate_in_park(spinning_run, samples=6)
+@pytest.mark.usefixtures("in_park")
+def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path) -> None:
+    checks = validate(spinning_run, samples=6)
     skipped = {"gnss", "lidar and cameras", "photographs", "depth"}
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
 

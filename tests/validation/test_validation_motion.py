@@ -51,7 +51,7 @@ def both(*edits: Edit) -> Edit:
 
 @pytest.fixture(scope="module")
 def offsets(lean_run: Path) -> tuple[int, int]:
-    """Bytes from the begin of poses and of twists to the end of a message of /gazebo/model_states."""
+    """Bytes from the first pose and from the first twist to the end of a message of /gazebo/model_states."""
     data, reader = first_message(lean_run, table.MODEL_STATES).data, ModelStatesReader()
     count = len(reader.poses(data))
     return -(104 * count + 4), -48 * count

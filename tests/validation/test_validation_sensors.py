@@ -3,7 +3,6 @@
 """A rig with several sensors of each kind passes every check, and a wrong value of the second or later one is found."""
 
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +29,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
-Validate = Callable[..., list[Check]]
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name
 IMU, CLOUD, FIX = "/imu_rear/data", "/low/points", "/antenna_right/fix"
 SIZE = (96, 160)
@@ -52,8 +49,9 @@ def many_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("many")).parent
 
 
-def test_many_sensors_pass_every_check(many_run: Path, validate_in_park: Validate) -> None:
-    checks = {check.name: check for check in validate_in_park(many_run, full=True, samples=2)}
+@pytest.mark.usefixtures("in_park")
+def test_many_sensors_pass_every_check(many_run: Path) -> None:
+    checks = {check.name: check for check in validate(many_run, full=True, samples=2)}
     assert [check for check in checks.values() if not check.passed] == []
     counted = {name: check.text.split(";")[0] for name, check in checks.items()}
     assert counted["imu"] == f"{80 + 40} readings"
@@ -163,9 +161,8 @@ def test_only_the_changed_streams_fail(wrong: dict[str, str]) -> None:
     assert wrong.keys() == changed | {"synchronisation", "stamps", "wheel odometry"}
 
 
-def test_what_only_the_world_contradicts_is_found_in_every_sensor(
-    many_run: Path, tmp_path: Path, validate_in_park: Validate
-) -> None:
+@pytest.mark.usefixtures("in_park")
+def test_what_only_the_world_contradicts_is_found_in_every_sensor(many_run: Path, tmp_path: Path) -> None:
     """A point of the second LiDAR, and a pixel of a rear camera, a fisheye and a panorama."""
 
     def swapped(data: bytearray) -> None:
@@ -182,7 +179,7 @@ def test_what_only_the_world_contradicts_is_found_in_every_sensor(
     edits: Edits = {(CLOUD, 2): swapped, **{(f"/{name}/tag/img_raw", 1): repainted for name in cameras}}
     folder = rewritten(many_run, tmp_path, edited(edits))
     assert failures(validate(folder, quick=True)) == {}
-    texts = failures(validate_in_park(folder, full=True, samples=1))
+    texts = failures(validate(folder, full=True, samples=1))
     assert texts.keys() == {"retraced clouds", "retraced images"}
     assert f"1 of {RAYS:,} mismatch, first {CLOUD} at 150000000 ns" in texts["retraced clouds"]
     assert "3 of" in texts["retraced images"]
