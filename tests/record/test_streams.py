@@ -45,7 +45,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import poses_at, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import sensor_factory, streams_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.known import new_sensors
@@ -278,6 +278,21 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
         transforms.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
     )
     np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s
+
+
+def test_the_light_is_baked_before_the_first_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a worker it would count as time of readings, and begin only when all kernels are compiled."""
+
+    class BakedError(Exception):
+        """Raised instead of baking."""
+
+    def bake(*_: object) -> None:
+        raise BakedError
+
+    monkeypatch.setattr("fieldtruth.sensors.kind.bake", bake)
+    rig, scene = paper_rig(lidar=LidarConfig(enabled=False)), FakeScene(WORLD)
+    with pytest.raises(BakedError):
+        sensor_factory(SensorWorld(WORLD, rig, scene=scene))  # type: ignore[arg-type]
 
 
 def test_messages_made_many_at_once_are_those_made_one_by_one() -> None:

@@ -185,6 +185,8 @@ class Sensor(ABC):
     """
 
     config_type: ClassVar[type[SensorConfig]]
+    needs_light: ClassVar[bool] = False
+    """True if a reading needs the light of the world, which is then baked before the first one."""
 
     def __init__(self, config: Any, sensor_world: SensorWorld) -> None:
         self.config, self.sensor_world = config, sensor_world

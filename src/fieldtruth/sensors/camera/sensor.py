@@ -161,6 +161,7 @@ class CameraSensor(Sensor):
     """A camera, or a stereo pair, whose views share its buffers."""
 
     config_type = CameraConfig
+    needs_light = True
     config: CameraConfig
 
     def __init__(self, config: CameraConfig, sensor_world: SensorWorld) -> None:
