@@ -115,7 +115,7 @@ class _Stored:
         topics = {topic.name for sensor in kept for topic in sensor.topics()}
         if not self.drives:
             topics = {*bag.counts} - {topic.name for sensor in changed for topic in sensor.topics()}
-        self._bag, self._topics = bag, topics & bag.counts.keys()
+        self._bag, self._topics, self._is_frames = bag, topics & bag.counts.keys(), run.is_frames
         self._index = bag.index(sorted({*topics, ODOMETRY} & bag.counts.keys()))
         self._lock = threading.Lock()
         self._chunk = lru_cache(_CHUNKS)(bag.chunk)
@@ -157,7 +157,7 @@ class _Stored:
             none, due = np.zeros((0, 0)), self._index[COMMANDS].stamps_ns
             commands = Commands(stamps_ns=due, command=np.zeros((len(due), 2)))
             base = Base(wheels=WheelMotion(angle=none, speed=none), commands=commands)
-        return Track(motion=motion, swept=motion, base=base)
+        return Track(motion=motion, swept=motion, base=base, is_frames=self._is_frames)
 
     def _message(self, topic: str, k: int) -> bytes:
         index = self._index[topic]
