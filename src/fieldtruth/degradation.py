@@ -21,7 +21,7 @@ import numpy as np
 from fieldtruth.bag import provenance
 from fieldtruth.bag.file import EXPERIMENT, BagError
 from fieldtruth.bag.geometry import ModelStatesReader
-from fieldtruth.bag.provenance import fits_checksums, sha256_of
+from fieldtruth.bag.provenance import fits_checksums, read_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import COMMANDS, MODEL_STATES, ODOMETRY
@@ -110,6 +110,8 @@ class _Stored:
         moved = any(sensor.sees or sensor.needs_wheels for sensor in changed)
         self.drives = moved or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
         """True if the robot drives again."""
+        self.sha256 = "" if self.drives else read_checksums(run.folder)[run.bag.name]
+        """Of the bag, if it was computed."""
         kept = [each for each in run.rig.in_order() if each not in changed and (each.sees or not self.drives)]
         self.sensors = {sensor.name for sensor in kept}
         topics = {topic.name for sensor in kept for topic in sensor.topics()}
@@ -188,7 +190,7 @@ class _Degraded(PreparedHere):
     @property
     def key(self) -> str:
         """Key of its slices."""
-        return slices_key(super().key, sha256_of(self.run.bag))
+        return slices_key(super().key, self.stored.sha256 or sha256_of(self.run.bag))
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene for the slices in a folder, and keep what made the readings that are taken from the bag."""

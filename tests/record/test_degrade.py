@@ -21,7 +21,6 @@ from fieldtruth.sensors.kind import SensorWorld
 
 pytestmark = pytest.mark.usefixtures("in_park")
 NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
-
 OF_MOTION: dict[str, Any] = {"imu": "datasheet", "gnss": "datasheet"}
 
 
