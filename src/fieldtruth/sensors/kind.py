@@ -16,7 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
+from fieldtruth.drive.track import (
+    STEP_NS,
+    PoseAt,
+    Stamps,
+    Track,
+    poses_at,
+    stamps_at_rate,
+    standing_at,
+    state_at,
+    steps_at_rate,
+)
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
@@ -141,7 +151,7 @@ def movement_of(track: Track) -> Movement:
 
 def standing(world_from_base: Array) -> Movement:
     """Return the motion of a robot that stands at a pose (4, 4)."""
-    return Movement(lambda stamp_ns: np.tile(world_from_base, (*np.shape(stamp_ns), 1, 1)))
+    return Movement(standing_at(world_from_base))
 
 
 class At(NamedTuple):
