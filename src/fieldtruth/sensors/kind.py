@@ -158,7 +158,7 @@ class At(NamedTuple):
     """Stamps of a reading, and the motion around it."""
 
     number: Any
-    """Of the reading, from 0: int, or (n,) of a series, as its stamps."""
+    """Of the reading, from 0: int, or (n,) of a series, whose stamps are (n,), too."""
     stamp_ns: Any
     """True time [ns]."""
     header_ns: Any
@@ -225,7 +225,7 @@ class Sensor(ABC):
         return labels
 
     def rays(self) -> Rays | None:
-        """Return the rays of the first reading at a stamp; None if their number depends on what is there."""
+        """Return the rays of the first reading at a stamp, for ``bench``; None: it does not measure this sensor."""
         return None
 
     def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors of a rig, of whatever kind; the package's own kinds are imported here."""
+"""Sensors of a rig, of whatever kind, and photographs without a rig; the package's own kinds are imported here."""
 
 from typing import Final
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that is stepped: the robot drives, and its sensors read what is due. And all readings of a whole drive.
+"""A simulation that is stepped: the robot drives, and its sensors read what is due; and all readings of a drive.
 
-For the latter the robot drives first, and threads sense ahead.
+For all readings (``frames``) the robot drives first, and threads sense ahead.
 """
 
 import functools
