@@ -79,8 +79,7 @@ def degrade(
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     experiment = with_overrides(run.experiment, signal=signal)
-    pairs = zip(experiment.rig.sensors, run.rig.sensors, strict=True)
-    changed = [old for new, old in pairs if new != old]
+    changed = [old for new, old in zip(experiment.rig.sensors, run.rig.sensors, strict=True) if new != old]
     if not any(sensor.enabled for sensor in changed):
         raise ConfigurationError("signal must change a sensor of the run: all of them stay ideal")
     with open_bag(run.bag) as bag:
@@ -89,10 +88,9 @@ def degrade(
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
             if stored.drives:
                 made = prepare(simulation, progress)
-                world, track = made.world, made.track
-            else:
-                with progress.stage("build the world"):
-                    world, track = simulation.world, stored.track()
+                return _Degraded(made.experiment, made.world, made.track, run, stored, scene=scene)
+            with progress.stage("build the world"):
+                world, track = simulation.world, stored.track()
             return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)
 
         simulation = Simulation(experiment, scene=scene)

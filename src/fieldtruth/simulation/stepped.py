@@ -133,7 +133,7 @@ def sensor_world_of(
 
 
 class SimulationState(NamedTuple):
-    """A simulation at a moment, for ``Simulation.restore``; it can be pickled."""
+    """State of a simulation, for ``Simulation.restore``; it can be pickled."""
 
     experiment: Experiment
     motion: MotionState
