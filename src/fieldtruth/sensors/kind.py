@@ -16,17 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.drive.track import (
-    STEP_NS,
-    PoseAt,
-    Stamps,
-    Track,
-    poses_at,
-    stamps_at_rate,
-    standing_at,
-    state_at,
-    steps_at_rate,
-)
+from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_of, stamps_at_rate, standing_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
@@ -140,13 +130,7 @@ class Movement(_Shared):
 
 def movement_of(track: Track) -> Movement:
     """Return the motion of a drive, to the end of the last sweep."""
-
-    def pose(stamp_ns: int | Stamps) -> Array:
-        if isinstance(stamp_ns, np.ndarray):
-            return poses_at(track.swept, stamp_ns)
-        return state_at(track.swept, stamp_ns).world_from_base
-
-    return Movement(pose, track)
+    return Movement(poses_of(track.swept), track)
 
 
 def standing(world_from_base: Array) -> Movement:
