@@ -100,7 +100,7 @@ class LabelCamera:
             world_from_next: (4, 4).
             robot: what the view sees of it.
         """
-        lens, (height, width), packet = self.config.projection, images.depth.shape, new_packet(coherent=True)
+        lens, (height, width) = self.config.projection, images.depth.shape
         shape = (_BAND, width)
         band = FlowPoints(np.empty((*shape, 3)), np.empty(shape), np.empty((*shape, 2)))
         flow = np.empty((height, width, 2), np.float32)
@@ -115,7 +115,7 @@ class LabelCamera:
             if robot is not None:
                 _hide_behind_robot(points, robot, own[rows])
             self._cut(points)
-            hide_points(self.scene.rays.handle, packet, world_from_next, self.config.far, points)
+            hide_points(self.scene.rays.handle, self._packet, world_from_next, self.config.far, points)
             flow[rows] = points.image - np.stack(np.meshgrid(np.arange(width), np.arange(top, rows.stop)), axis=-1)
         if lens.model == "equirectangular":
             around = 2.0 * np.pi * lens.fx
