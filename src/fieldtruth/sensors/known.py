@@ -33,8 +33,7 @@ def photograph(
     ``exposure`` is relative to that of an open meadow.
     """
     config = CameraConfig.model_validate(lens)
-    photo = IdealCamera(config, baked, exposure=exposure).render(world_from_optical).photo
-    return photo, config.projection
+    return IdealCamera(config, baked, exposure=exposure).render(world_from_optical).photo, config.projection
 
 
 def sensor_class(config: SensorConfig) -> type[Sensor]:

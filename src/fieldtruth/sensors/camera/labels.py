@@ -69,9 +69,8 @@ class LabelCamera:
         self._table = ray_table(config)
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
-        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels] * config.normals).reshape(
-            -1, 3, 3
-        )
+        axes = [top.world_from_object[:3, :3] for top in scene.top_levels]
+        self._axes = np.array(axes * config.normals).reshape(-1, 3, 3)
         self.last: LabelImages | None = None
         """The images that the next call overwrites, of a camera with ``reuse``."""
 
