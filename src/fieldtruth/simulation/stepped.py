@@ -5,13 +5,12 @@
 For all readings (``frames``) the robot drives first, and threads sense ahead.
 """
 
-import functools
 import math
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -468,7 +467,7 @@ def _moved(name: str) -> Callable[..., Any]:
     """Return a function of ``transforms`` that warns of its old name."""
     function: Callable[..., Any] = getattr(transforms, name)
 
-    @functools.wraps(function)
+    @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         warnings.warn(f"ft.frames.{name} is ft.transforms.{name} now", DeprecationWarning, stacklevel=2)
         return function(*args, **kwargs)
