@@ -291,8 +291,8 @@ class Simulation:
     ) -> Frame:
         """Drive on, and return the readings that became complete, with the true pose at the time that is reached.
 
-        A reading is complete when the sweep of its LiDAR or the shutter of its camera is over, with optical flow at the
-        camera's next image; it has its own stamp. Others that were due are not sensed.
+        A reading is complete when the sweep or the shutter of its sensor is over, with optical flow at the camera's
+        next image; it has its own stamp. Others that were due are not sensed.
 
         Args:
             seconds: simulated time [s], rounded to steps of the physics of 1 ms; the last step ends with the drive.
