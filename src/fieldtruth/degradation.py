@@ -93,7 +93,7 @@ def degrade(
                 world, track = simulation.world, stored.track()
             return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)
 
-        simulation = Simulation(experiment, scene=scene)
+        simulation = Simulation(experiment, scene=scene, sensors=[each.name for each in changed if each.enabled])
         return generate_by(engine, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
