@@ -137,7 +137,7 @@ def climbing() -> Iterator[Row]:
 
 
 def shaking(drives: list[Drive]) -> Iterator[Row]:
-    """Motion of the robot in each environment."""
+    """Accelerations and turn rates in each environment, and the speed of the simulation."""
     for d in drives:
         vertical, rates = vertical_acceleration(d.track.motion), roll_and_pitch_rate(d.track.motion)
         roll, pitch = np.degrees(rates.std(axis=0))

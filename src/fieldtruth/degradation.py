@@ -21,7 +21,7 @@ import numpy as np
 from fieldtruth.bag import provenance
 from fieldtruth.bag.file import EXPERIMENT, BagError
 from fieldtruth.bag.geometry import ModelStatesReader
-from fieldtruth.bag.provenance import fits_checksums, sha256_of
+from fieldtruth.bag.provenance import fits_checksums, read_checksums, sha256_of
 from fieldtruth.bag.reader import BagReader, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import COMMANDS, MODEL_STATES, ODOMETRY
@@ -79,8 +79,7 @@ def degrade(
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     experiment = with_overrides(run.experiment, signal=signal)
-    pairs = zip(experiment.rig.sensors, run.rig.sensors, strict=True)
-    changed = [old for new, old in pairs if new != old]
+    changed = [old for new, old in zip(experiment.rig.sensors, run.rig.sensors, strict=True) if new != old]
     if not any(sensor.enabled for sensor in changed):
         raise ConfigurationError("signal must change a sensor of the run: all of them stay ideal")
     with open_bag(run.bag) as bag:
@@ -89,13 +88,12 @@ def degrade(
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
             if stored.drives:
                 made = prepare(simulation, progress)
-                world, track = made.world, made.track
-            else:
-                with progress.stage("build the world"):
-                    world, track = simulation.world, stored.track()
+                return _Degraded(made.experiment, made.world, made.track, run, stored, scene=scene)
+            with progress.stage("build the world"):
+                world, track = simulation.world, stored.track()
             return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)
 
-        simulation = Simulation(experiment, scene=scene)
+        simulation = Simulation(experiment, scene=scene, sensors=[each.name for each in changed if each.enabled])
         return generate_by(engine, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
@@ -110,12 +108,14 @@ class _Stored:
         moved = any(sensor.sees or sensor.needs_wheels for sensor in changed)
         self.drives = moved or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
         """True if the robot drives again."""
+        self.sha256 = "" if self.drives else read_checksums(run.folder)[run.bag.name]
+        """Of the bag, if it was computed."""
         kept = [each for each in run.rig.in_order() if each not in changed and (each.sees or not self.drives)]
         self.sensors = {sensor.name for sensor in kept}
         topics = {topic.name for sensor in kept for topic in sensor.topics()}
         if not self.drives:
             topics = {*bag.counts} - {topic.name for sensor in changed for topic in sensor.topics()}
-        self._bag, self._topics = bag, topics & bag.counts.keys()
+        self._bag, self._topics, self._is_frames = bag, topics & bag.counts.keys(), run.is_frames
         self._index = bag.index(sorted({*topics, ODOMETRY} & bag.counts.keys()))
         self._lock = threading.Lock()
         self._chunk = lru_cache(_CHUNKS)(bag.chunk)
@@ -157,7 +157,7 @@ class _Stored:
             none, due = np.zeros((0, 0)), self._index[COMMANDS].stamps_ns
             commands = Commands(stamps_ns=due, command=np.zeros((len(due), 2)))
             base = Base(wheels=WheelMotion(angle=none, speed=none), commands=commands)
-        return Track(motion=motion, swept=motion, base=base)
+        return Track(motion=motion, swept=motion, base=base, is_frames=self._is_frames)
 
     def _message(self, topic: str, k: int) -> bytes:
         index = self._index[topic]
@@ -188,7 +188,7 @@ class _Degraded(PreparedHere):
     @property
     def key(self) -> str:
         """Key of its slices."""
-        return slices_key(super().key, sha256_of(self.run.bag))
+        return slices_key(super().key, self.stored.sha256 or sha256_of(self.run.bag))
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene for the slices in a folder, and keep what made the readings that are taken from the bag."""

@@ -21,7 +21,6 @@ from fieldtruth.sensors.kind import SensorWorld
 
 pytestmark = pytest.mark.usefixtures("in_park")
 NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
-
 OF_MOTION: dict[str, Any] = {"imu": "datasheet", "gnss": "datasheet"}
 
 
@@ -59,8 +58,11 @@ def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: 
 def test_cameras_that_stay_ideal_are_not_rendered_again(
     ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    compiled = list[Experiment]()
+    monkeypatch.setattr("fieldtruth.simulation.stepped.compile_beside", compiled.append)
     monkeypatch.setattr("fieldtruth.sensors.kind.bake", lambda *_: pytest.fail("the light was baked"))
     degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
+    assert [[each.name for each in experiment.rig.in_order()] for experiment in compiled] == [["lidar"]]
 
 
 def test_sensors_of_motion_take_it_from_the_bag(

@@ -265,7 +265,7 @@ def test_an_exception_of_a_worker(whole: Content, tmp_path: Path) -> None:
 
     code, (line,) = run(tmp_path / "data", breaking)
     assert code == 2
-    assert re.match(r"error: between \d+(\.\d+)? and \d+(\.\d+)? s of the recording: MemoryError", line)
+    assert re.match(r"error: between \d+(\.\d)? and \d+(\.\d)? s of the recording: MemoryError", line)
     assert " s of the recording: MemoryError: out of memory (test_faults.py, line " in line
     assert no_bag(tmp_path / "data")
     assert run(tmp_path / "data") == (0, [])

@@ -14,6 +14,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets import RunDataset
+from fieldtruth.degradation import degrade
 from fieldtruth.drive.plan import standing_robot
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
@@ -67,6 +68,11 @@ def test_validate_passes_and_says_what_does_not_apply(frames_run: Path) -> None:
 def test_the_frames_are_made_again_by_their_own_experiment(frames_run: Path, tmp_path: Path) -> None:
     again = generate(load_experiment(frames_run / "experiment.yaml"), tmp_path)
     assert again.read_bytes() == open_run(frames_run).bag.read_bytes()
+
+
+def test_they_stay_as_they_are_if_only_a_sensor_of_motion_gets_noise(frames_run: Path, tmp_path: Path) -> None:
+    made = degrade(frames_run, tmp_path, signal={"imu": "datasheet"})
+    assert made.read_bytes() == open_run(frames_run).bag.read_bytes()
 
 
 @pytest.mark.parametrize(

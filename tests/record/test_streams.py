@@ -45,7 +45,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import poses_at, stamps_at_rate, state_at
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import sensor_factory, streams_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.known import new_sensors
@@ -280,6 +280,21 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s
 
 
+def test_the_light_is_baked_before_the_first_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a worker it would count as time of readings, and begin only when all kernels are compiled."""
+
+    class BakedError(Exception):
+        """Raised instead of baking."""
+
+    def bake(*_: object) -> None:
+        raise BakedError
+
+    monkeypatch.setattr("fieldtruth.sensors.kind.bake", bake)
+    rig, scene = paper_rig(lidar=LidarConfig(enabled=False)), FakeScene(WORLD)
+    with pytest.raises(BakedError):
+        sensor_factory(SensorWorld(WORLD, rig, scene=scene))  # type: ignore[arg-type]
+
+
 def test_messages_made_many_at_once_are_those_made_one_by_one() -> None:
     """Of all sensors of motion, with signals, clocks that lose readings, and the truth beside them."""
     clock = {"jitter_s": 1e-4, "drop_share": 0.1, "drift_ppm": 50.0}
@@ -313,7 +328,7 @@ def test_errors_of_reading_bags(tmp_path: Path, bag: Path) -> None:
     with pytest.raises(BagError, match=r"none\.bag"):
         list(read_bag(tmp_path / "none.bag"))
     (tmp_path / "text.bag").write_text("no bag at all")
-    with pytest.raises(BagError, match="is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins"):
+    with pytest.raises(BagError, match=r"it is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins with #ROSBAG V2\.0"):
         list(read_bag(tmp_path / "text.bag"))
     with pytest.raises(UnknownNameError, match="/imu/data"):
         list(read_bag(bag, ["/imu/date"]))

@@ -65,8 +65,7 @@ def header(seq: int, stamp_ns: int, frame_id: str) -> Header:
 
 
 Field = bytes | ArrayLike
-"""Bytes of a field that all messages share, or an array (n, ...) with a row for each message; one row of one message.
-"""
+"""Bytes of a field that all messages share, or an array (n, ...) with a row for each; of one message the row alone."""
 
 
 def serialized(count: int, *fields: Field) -> list[bytes]:

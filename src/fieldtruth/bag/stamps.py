@@ -95,9 +95,8 @@ def rising_rows(
     highest = np.maximum.accumulate(given)
     worst = int(np.argmax(highest - given > LARGEST_DISORDER))
     if highest[worst] - given[worst] > LARGEST_DISORDER:
-        raise _went_back(
-            path, topic, int(highest[worst]), int(given[worst]), None if bag_ns is None else bag_ns[rows][worst]
-        )
+        recorded_ns = None if bag_ns is None else bag_ns[rows][worst]
+        raise _went_back(path, topic, int(highest[worst]), int(given[worst]), recorded_ns)
     if coarse:
         rows = rows[np.diff(given, prepend=-1) != 0]
     rows = rows[np.argsort(stamps[rows], kind="stable")]

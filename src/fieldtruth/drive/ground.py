@@ -15,7 +15,6 @@ A part is what lies in a rectangle of a world, as a world in the same coordinate
 made of parts, so that they cost what lies around the route and not the world.
 """
 
-import dataclasses
 import math
 import weakref
 from collections.abc import Callable, Iterator
@@ -117,7 +116,7 @@ def _with_stones(world: World) -> Heightfield:
         poses = np.ascontiguousarray(surface.poses, np.float64)
         grid = (soil.x0, soil.y0, soil.spacing, surface.reach)
         lay_stones(heights, soil.heights, grid, surface.vertices, surface.faces, poses)
-    return dataclasses.replace(soil, heights=heights)
+    return replace(soil, heights=heights)
 
 
 def divided(field: Heightfield) -> Heightfield:
@@ -196,7 +195,7 @@ def highest_around(soil: Heightfield, raised: Float32Array, step: float) -> Heig
     """
     nodes = 2 * round(_AROUND / soil.spacing) + 1
     stones = maximum_filter(np.minimum(raised, step), nodes, mode="nearest")
-    return dataclasses.replace(soil, heights=(soil.heights + stones).astype(np.float32))
+    return replace(soil, heights=(soil.heights + stones).astype(np.float32))
 
 
 def slopes(field: Heightfield, length: float) -> tuple[Array, Array]:

@@ -15,7 +15,6 @@ quasirandom sequences, quoted from memory): any number of them is spread evenly,
 more.
 """
 
-import contextlib
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
@@ -191,7 +190,7 @@ def _planned(
         if corners is None:
             continue
         planned = route_from_metres(corners[0].tolist(), corners[1:].tolist())
-        with contextlib.suppress(RouteError, DriveError):
+        with suppress(RouteError, DriveError):
             check_route(ground, simulator, metres_from_route(planned))
             return planned, None if trial is None else trial.finish()
     raise RouteError(

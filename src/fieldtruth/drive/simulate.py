@@ -87,7 +87,7 @@ class RobotState(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """A drive at a moment: what ``Drive.restore`` needs to go on from there."""
+    """State of a drive, from which ``Drive.restore`` goes on."""
 
     robot: RobotState
     follower: FollowerState

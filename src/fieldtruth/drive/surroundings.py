@@ -203,7 +203,7 @@ class Surroundings:
 
 
 class FollowingState(NamedTuple):
-    """Robot, wheels and soil at a moment, in the part around ``middle`` (2,) [m]."""
+    """State of robot, wheels and soil, in the part around ``middle`` (2,) [m]."""
 
     middle: Array
     robot: Array

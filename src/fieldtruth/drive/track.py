@@ -171,6 +171,22 @@ def poses_at(motion: Motion, stamps_ns: Stamps) -> Array:
     return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
 
 
+def poses_of(motion: Motion) -> PoseAt:
+    """Return the poses along a motion."""
+
+    def pose(stamp_ns: int | Stamps) -> Array:
+        if isinstance(stamp_ns, np.ndarray):
+            return poses_at(motion, stamp_ns)
+        return state_at(motion, stamp_ns).world_from_base
+
+    return pose
+
+
+def standing_at(world_from_base: Array) -> PoseAt:
+    """Return the poses of a robot that stands at one (4, 4)."""
+    return lambda stamp_ns: np.tile(world_from_base, (*np.shape(stamp_ns), 1, 1))
+
+
 def _row(motion: Motion, k: int) -> State:
     return State(motion.position[k], motion.quaternion_wxyz[k], motion.linear_velocity[k], motion.angular_velocity[k])
 

@@ -5,10 +5,9 @@
 Obstacles in plan view are convex outlines of colliders at the robot's height and of high stones.
 """
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
@@ -267,7 +266,7 @@ class Traversability:
         length = self.robot.outline[0]
         self._terrain = _terrain_blockage(world, self._x, self._y, length)
         field = world.terrain.field
-        self._floor = dataclasses.replace(field, heights=mean_ground(field, length).astype(np.float32))
+        self._floor = replace(field, heights=mean_ground(field, length).astype(np.float32))
 
     def clearance_at(self, points: ArrayLike) -> Array:
         """Clearance [m], (n,), in the cells of points (n, 2)."""

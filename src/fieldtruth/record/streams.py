@@ -68,6 +68,8 @@ class Stream(NamedTuple):
 def sensor_factory(sensor_world: SensorWorld, rig: Rig | None = None) -> Callable[[], Sensors]:
     """Build what the sensors of a rig need, scene and light, and return the function that makes a set for a thread."""
     ready = [new_sensors(sensor_world, rig)]
+    if any(sensor.needs_light for sensor in ready[0].values()):
+        sensor_world.baked  # noqa: B018
 
     def make() -> Sensors:
         try:

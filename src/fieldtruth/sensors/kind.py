@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_at, stamps_at_rate, state_at, steps_at_rate
+from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_of, stamps_at_rate, standing_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
@@ -130,25 +130,19 @@ class Movement(_Shared):
 
 def movement_of(track: Track) -> Movement:
     """Return the motion of a drive, to the end of the last sweep."""
-
-    def pose(stamp_ns: int | Stamps) -> Array:
-        if isinstance(stamp_ns, np.ndarray):
-            return poses_at(track.swept, stamp_ns)
-        return state_at(track.swept, stamp_ns).world_from_base
-
-    return Movement(pose, track)
+    return Movement(poses_of(track.swept), track)
 
 
 def standing(world_from_base: Array) -> Movement:
     """Return the motion of a robot that stands at a pose (4, 4)."""
-    return Movement(lambda stamp_ns: np.tile(world_from_base, (*np.shape(stamp_ns), 1, 1)))
+    return Movement(standing_at(world_from_base))
 
 
 class At(NamedTuple):
     """Stamps of a reading, and the motion around it."""
 
     number: Any
-    """Of the reading, from 0: int, or (n,) of a series, as its stamps."""
+    """Of the reading, from 0: int, or (n,) of a series, whose stamps are (n,), too."""
     stamp_ns: Any
     """True time [ns]."""
     header_ns: Any
@@ -185,6 +179,8 @@ class Sensor(ABC):
     """
 
     config_type: ClassVar[type[SensorConfig]]
+    needs_light: ClassVar[bool] = False
+    """True if a reading needs the light of the world, which is then baked before the first one."""
 
     def __init__(self, config: Any, sensor_world: SensorWorld) -> None:
         self.config, self.sensor_world = config, sensor_world
@@ -213,7 +209,7 @@ class Sensor(ABC):
         return labels
 
     def rays(self) -> Rays | None:
-        """Return the rays of the first reading at a stamp; None if their number depends on what is there."""
+        """Return the rays of the first reading at a stamp, for ``bench``; None: it does not measure this sensor."""
         return None
 
     def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:

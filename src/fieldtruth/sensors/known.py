@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors of a rig, of whatever kind; the package's own kinds are imported here."""
+"""Sensors of a rig, of whatever kind, and photographs without a rig; the package's own kinds are imported here."""
 
 from typing import Final
 
@@ -33,8 +33,7 @@ def photograph(
     ``exposure`` is relative to that of an open meadow.
     """
     config = CameraConfig.model_validate(lens)
-    photo = IdealCamera(config, baked, exposure=exposure).render(world_from_optical).photo
-    return photo, config.projection
+    return IdealCamera(config, baked, exposure=exposure).render(world_from_optical).photo, config.projection
 
 
 def sensor_class(config: SensorConfig) -> type[Sensor]:

@@ -63,7 +63,7 @@ class _Found(NamedTuple):
 
 
 def check_motion(world: World, motion: Motion, rig: Rig, file: str, start_ns: int, *, allow_inside: bool) -> None:
-    """Check that base_link stays within the world, and that it, LiDARs and cameras stay out of everything solid.
+    """Check that base_link stays within the world, and that it and sensors that see stay out of everything solid.
 
     Args:
         world: the world.

@@ -1,17 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that is stepped: the robot drives, and its sensors read what is due. And all readings of a whole drive.
+"""A simulation that is stepped: the robot drives, and its sensors read what is due; and all readings of a drive.
 
-For the latter the robot drives first, and threads sense ahead.
+For all readings (``frames``) the robot drives first, and threads sense ahead.
 """
 
-import functools
 import math
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -133,7 +132,7 @@ def sensor_world_of(
 
 
 class SimulationState(NamedTuple):
-    """A simulation at a moment, for ``Simulation.restore``; it can be pickled."""
+    """State of a simulation, for ``Simulation.restore``; it can be pickled."""
 
     experiment: Experiment
     motion: MotionState
@@ -292,8 +291,8 @@ class Simulation:
     ) -> Frame:
         """Drive on, and return the readings that became complete, with the true pose at the time that is reached.
 
-        A reading is complete when the sweep of its LiDAR or the shutter of its camera is over, with optical flow at the
-        camera's next image; it has its own stamp. Others that were due are not sensed.
+        A reading is complete when the sweep or the shutter of its sensor is over, with optical flow at the camera's
+        next image; it has its own stamp. Others that were due are not sensed.
 
         Args:
             seconds: simulated time [s], rounded to steps of the physics of 1 ms; the last step ends with the drive.
@@ -468,7 +467,7 @@ def _moved(name: str) -> Callable[..., Any]:
     """Return a function of ``transforms`` that warns of its old name."""
     function: Callable[..., Any] = getattr(transforms, name)
 
-    @functools.wraps(function)
+    @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         warnings.warn(f"ft.frames.{name} is ft.transforms.{name} now", DeprecationWarning, stacklevel=2)
         return function(*args, **kwargs)

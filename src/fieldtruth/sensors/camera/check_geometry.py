@@ -385,7 +385,7 @@ class Agreement(CameraFrameChecker):
 
 
 def _not_comparable(lens: Any, source: LabelledPoints) -> str:
-    """Why points and pixels of a camera with this CameraInfo cannot be compared; empty if they can."""
+    """Return why points and pixels of a camera with this CameraInfo cannot be compared; empty if they can."""
     if (lens.distortion_model, any(lens.D)) != ("plumb_bob", False):
         return f"the lens {lens.distortion_model} bends planes; its pixels are checked by retracing"
     return source.not_comparable

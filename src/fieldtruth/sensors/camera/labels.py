@@ -69,9 +69,8 @@ class LabelCamera:
         self._table = ray_table(config)
         self._reuse = reuse
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
-        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels] * config.normals).reshape(
-            -1, 3, 3
-        )
+        axes = [top.world_from_object[:3, :3] for top in scene.top_levels]
+        self._axes = np.array(axes * config.normals).reshape(-1, 3, 3)
         self.last: LabelImages | None = None
         """The images that the next call overwrites, of a camera with ``reuse``."""
 
@@ -100,7 +99,7 @@ class LabelCamera:
             world_from_next: (4, 4).
             robot: what the view sees of it.
         """
-        lens, (height, width), packet = self.config.projection, images.depth.shape, new_packet(coherent=True)
+        lens, (height, width) = self.config.projection, images.depth.shape
         shape = (_BAND, width)
         band = FlowPoints(np.empty((*shape, 3)), np.empty(shape), np.empty((*shape, 2)))
         flow = np.empty((height, width, 2), np.float32)
@@ -115,7 +114,7 @@ class LabelCamera:
             if robot is not None:
                 _hide_behind_robot(points, robot, own[rows])
             self._cut(points)
-            hide_points(self.scene.rays.handle, packet, world_from_next, self.config.far, points)
+            hide_points(self.scene.rays.handle, self._packet, world_from_next, self.config.far, points)
             flow[rows] = points.image - np.stack(np.meshgrid(np.arange(width), np.arange(top, rows.stop)), axis=-1)
         if lens.model == "equirectangular":
             around = 2.0 * np.pi * lens.fx

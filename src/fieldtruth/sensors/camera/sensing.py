@@ -22,7 +22,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.drive.track import PoseAt
+from fieldtruth.drive.track import PoseAt, standing_at
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.kernels.camera import add_dust, draw_drops, draw_streaks
@@ -536,8 +536,3 @@ def _grid(config: CameraConfig) -> Array:
     u = (np.arange(columns) + 0.5) * config.width / columns - 0.5
     v = (np.arange(rows) + 0.5) * config.height / rows - 0.5
     return np.stack([each.ravel() for each in np.meshgrid(u, v)])
-
-
-def standing_at(pose: Array) -> PoseAt:
-    """Return the motion of a base that stands at a pose (4, 4)."""
-    return lambda stamps: np.tile(pose, (len(stamps), 1, 1)) if isinstance(stamps, np.ndarray) else pose

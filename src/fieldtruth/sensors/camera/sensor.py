@@ -19,13 +19,13 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.core.readings import Ids, Image
-from fieldtruth.drive.track import PoseAt
+from fieldtruth.drive.track import PoseAt, standing_at
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.sense.robot import RobotView, part_table, robot_view
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, tag_image
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages, IdealCamera, Light, standing_at
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages, IdealCamera, Light
 from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
 
 _STEP = transforms.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
@@ -161,6 +161,7 @@ class CameraSensor(Sensor):
     """A camera, or a stereo pair, whose views share its buffers."""
 
     config_type = CameraConfig
+    needs_light = True
     config: CameraConfig
 
     def __init__(self, config: CameraConfig, sensor_world: SensorWorld) -> None:

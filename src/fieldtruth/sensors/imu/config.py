@@ -3,7 +3,7 @@
 """Configuration of an inertial measurement unit, and the noise, bias, scale, range and resolution of a real one.
 
 Figures have the names of Kalibr where it has one (its wiki, "IMU Noise Model"); the processes are those of IEEE Std
-952, annex C. ``sensing.py`` states the formulas.
+952, annex C. docs/imu_signal.md states the formulas.
 
 Kalibr refuses a noise of zero (``ConfigReader.py``, ``checkGyroStatistics``), and knows neither bias instability nor
 axes. So of three densities the largest is written, and where there is no random walk, one that is as large as the bias

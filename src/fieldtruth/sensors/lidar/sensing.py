@@ -411,15 +411,11 @@ class IdealLidar:
         if moving and len(world_from_lidar) != config.columns + 1:
             raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
-        self._trace(self._surfaces, poses, self._beams, self._rays, self._echoes)
+        rays, hits = self.scene.rays.handle, self.scene.hits
+        trace_echoes(rays, hits, self._surfaces, poses, self._beams, self._rays, self._echoes)
         if self._robot is not None:
             self._echo_of_robot(self._robot, poses)
         return Traced(poses, moving)
-
-    def _trace(
-        self, surfaces: SurfaceTable | None, poses: Array, beams: Beams, rays: SubRays, out: EchoBuffers
-    ) -> None:
-        trace_echoes(self.scene.rays.handle, self.scene.hits, surfaces, poses, beams, rays, out)
 
     def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
         """Put the robot's echoes instead of those of what it hides; what is too near makes none."""
@@ -443,7 +439,7 @@ class IdealLidar:
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
         before = echo_buffers(1, len(column), 1)
-        self._trace(None, own, beams, self._middle, before)
+        trace_echoes(self.scene.rays.handle, self.scene.hits, None, own, beams, self._middle, before)
         world_m = before.depth[0, :, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 

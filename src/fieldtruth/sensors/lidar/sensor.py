@@ -114,10 +114,8 @@ class LidarSensor(Sensor):
 
     def rays(self) -> Rays:
         """Rays by column and ring; they give a labelled scan."""
-        scan = IdealLidar(self.config, self.sensor_world.scene).scan
-        return Rays(
-            ray_directions(self.config).astype(np.float32), self.config.max_range, ({self.config.family: scan},)
-        )
+        tasks = {self.config.family: IdealLidar(self.config, self.sensor_world.scene).scan}
+        return Rays(ray_directions(self.config).astype(np.float32), self.config.max_range, (tasks,))
 
     def messages(self, output: Output, number: int, reading: Cloud) -> Iterable[bytes]:
         """Serialise sensor_msgs/PointCloud2."""

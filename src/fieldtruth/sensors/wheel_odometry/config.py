@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of wheel odometry: encoders, what the robot's driver computes from them, and figures of real ones.
 
-``sensing.py`` states what the figures do to angles, speeds and odometry.
+docs/imu_signal.md states what the figures do to angles, speeds and odometry.
 """
 
 from collections.abc import Mapping
