@@ -52,7 +52,6 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
-    from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
     with cluster as engine:
