@@ -176,6 +176,12 @@ def views_of(run: Run) -> dict[str, list[Source]]:
     return views
 
 
+def format_of(run: Run, view: Source) -> str:
+    """Return the format of a view's photographs, JPEG or PNG, as the first one has it."""
+    start = bytes(run.readings(view.name, ["photo"]).message(0).data[:4])
+    return "PNG" if start == b"\x89PNG" else "JPEG"
+
+
 def require_frames(run: Run, *, clouds: bool) -> None:
     """Check that a run has photographs with labels, or with ``clouds`` at least clouds.
 
