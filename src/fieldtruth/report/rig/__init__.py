@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
@@ -23,6 +22,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.lenses import Lens
 from fieldtruth.core.readings import Inertial
+from fieldtruth.core.templates import templates
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import BASE, SensorConfig
@@ -167,14 +167,7 @@ def urdf_text(rig: Rig) -> str:
         (*names, pose[:3, 3], np.radians(transforms.rpy_deg_from_rotation(pose[:3, :3])))
         for names, pose in rig_transforms(rig).items()
     ]
-    environment = Environment(
-        loader=PackageLoader("fieldtruth.report.rig", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = templates("fieldtruth.report.rig", autoescape=True)
     environment.filters |= {"number": _number, "numbers": lambda values: " ".join(map(_number, values))}
     return environment.get_template("urdf.xml.jinja").render(
         rig=rig,
