@@ -31,18 +31,18 @@ _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\
 # Kalibr's camchain: T_cn_cnm1 takes points of the camera before to this one, T_cam_imu those of the IMU.
 """
-_DIGITS: Final = 15
+_DIGITS: Final = 15  # behind the decimal point; less is rounding error
 
 
 def tree_text(rig: Rig) -> str:
     """Return the frames of a rig, each below its parent, with their poses in it and the sensors that they belong to."""
-    transforms = rig_transforms(rig)
+    poses = rig_transforms(rig)
     owner = {name: each for each in rig.sensors for name in (*each.frames(), *each.optical_frames())}
     moving = [wheel.frame for wheel in wheel_cylinders(rig)]
     rows: list[Sequence[str]] = [_HEAD, (WORLD, *[""] * 7), (f"  {BASE}", *[""] * 6, "the robot, which moves")]
 
     def add(parent: str, depth: int) -> None:
-        for (above, name), parent_from_child in transforms.items():
+        for (above, name), parent_from_child in poses.items():
             if above == parent:
                 sensor = owner.get(name)
                 what = "a wheel, which turns" if name in moving else _title(sensor) if sensor else "the robot"
@@ -141,7 +141,7 @@ def kalibr_lens(lens: Lens) -> dict[str, Any] | str:
 
 
 def _rows(matrix: Array) -> list[list[float]]:
-    rows: list[list[float]] = (np.round(matrix, 15) + 0.0).tolist()
+    rows: list[list[float]] = (np.round(matrix, _DIGITS) + 0.0).tolist()
     return rows
 
 
