@@ -134,7 +134,7 @@ def first_views(run: Run) -> list[Source]:
 
 def noun_of(sources: Iterable[Source]) -> str:
     """Name of the kind of some sensors, or their kinds, in a sentence about one of them: ``LiDAR``."""
-    return " or ".join(dict.fromkeys(each.config.noun or each.config.kind for each in sources))
+    return " or ".join(dict.fromkeys(each.config.noun for each in sources))
 
 
 class Chosen(NamedTuple):
