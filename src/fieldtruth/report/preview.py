@@ -46,6 +46,10 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 
+WIDTH: Final = 2400
+"""Default width [pixel]."""
+WIDTH_IN_DOCUMENTS: Final = 1400
+"""Width [pixel] at which the sheet is still sharp as a JPEG below 400 kB."""
 APART: Final = 12.0
 """Preferred distance [m] between two viewpoints."""
 _CLEARANCE: Final = 1.0  # [m] around the robot
@@ -55,28 +59,6 @@ SCANS: Final = 240
 """Maximum number of scans in the cloud, evenly spread over the sample."""
 FREE_VIEWPOINTS: Final = 40
 """Size of the sample in an environment without experiments."""
-WAYPOINT_RADIUS: Final = 3.0
-"""Radius [m] of the circles (paper, section 3)."""
-_ARROW_SPACING: Final = 24.0  # [m]
-_SCALE: Final = 10.0  # [m]
-_FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
-_NAME: Final = 1.52  # [inch] for swatch and name
-_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
-_BAR: Final = 0.092  # [inch]
-_SHEET: Final = 12.0  # [inch], like all lengths below
-_EDGE: Final = 0.45
-_INNER: Final = _SHEET - 2 * _EDGE
-_MAP_TOP: Final = 1.5
-_GAP: Final = 0.12
-_HEADING: Final = 0.56
-_CLOUD: Final = (6.75, 4.35)
-_FOV_DEG: Final = 44.0
-_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
-_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
-WIDTH: Final = 2400
-"""Default width [pixel]."""
-WIDTH_IN_DOCUMENTS: Final = 1400
-"""Width [pixel] at which the sheet is still sharp as a JPEG below 400 kB."""
 
 
 def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
@@ -223,6 +205,16 @@ def _scan(world: World, sensors: Mapping[str, Sensor], poses: Sequence[Array]) -
     return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners))
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Aerial view with routes and viewpoints
+
+WAYPOINT_RADIUS: Final = 3.0
+"""Radius [m] of the circles (paper, section 3)."""
+_ARROW_SPACING: Final = 24.0  # [m]
+_SCALE: Final = 10.0  # [m]
+_FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
+
+
 def draw_map(axes: Axes, content: SheetContent) -> None:
     """Draw on axes whose unit is the pixel of the aerial view."""
     aerial = content.aerial
@@ -307,6 +299,14 @@ def _draw_scale_and_north(axes: Axes, aerial: Aerial) -> None:
     _write(axes, float(tail[0] + head[0]) / 2, text_row, "north", 7.4, **text)
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Class shares
+
+_NAME: Final = 1.52  # [inch] for swatch and name
+_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
+_BAR: Final = 0.092  # [inch]
+
+
 def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, width: float, height: float) -> None:
     """Fill a box with a row for each class that occurs."""
     rows = list(occurring_classes(shares))
@@ -329,6 +329,21 @@ def occurring_classes(shares: ClassShares) -> Iterator[tuple[SemanticClass, floa
     for row, pixels, points in zip(CLASSES, shares.pixel_share, shares.point_share, strict=True):
         if pixels or points:
             yield row, float(pixels), float(points)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sheet
+
+_SHEET: Final = 12.0  # [inch], like all lengths below
+_EDGE: Final = 0.45
+_INNER: Final = _SHEET - 2 * _EDGE
+_MAP_TOP: Final = 1.5
+_GAP: Final = 0.12
+_HEADING: Final = 0.56
+_CLOUD: Final = (6.75, 4.35)
+_FOV_DEG: Final = 44.0
+_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
+_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
 
 
 def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
