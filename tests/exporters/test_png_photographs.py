@@ -79,6 +79,11 @@ def test_png_photographs_are_copied(to: str, stored: Path, photographs: dict[int
     assert (first.format, np.asarray(first).shape) == ("PNG", (184, 320, 3))
 
 
+def test_readme_of_slam_configs_names_the_format(stored: Path, tmp_path: Path) -> None:
+    out = export(stored, "slam-configs", out=tmp_path / "out")
+    assert "the photographs in the bag are PNG:\n" in (out / "README.txt").read_text("utf-8")
+
+
 def test_photographs_of_two_formats_are_refused_where_one_is_named(brief_run: Path, tmp_path: Path) -> None:
     mixed = copy(brief_run, tmp_path, "left/real/compressed")
     with pytest.raises(BagError, match="photographs of one format; those of these runs are"):

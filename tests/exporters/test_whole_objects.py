@@ -120,7 +120,7 @@ def test_a_silhouette_of_a_class_is_that_of_its_faces() -> None:
 @pytest.mark.parametrize("yaw", [0.0, 30.0, -100.0])
 def test_kittis_box_of_an_upright_block(yaw: float) -> None:
     world = world_with(transforms.pose((8.0, 2.0, 1.2), (0.0, 0.0, yaw)))
-    found = kitti_box(world, 2, EYE, WholeObjects(world, camera_of()))
+    found = kitti_box(WholeObjects(world, camera_of()), 2, EYE)
     assert [found.length, found.width, found.height] == pytest.approx(2 * HALF)
     assert found.location == pytest.approx([-2.0, -0.2 + 0.75, 8.0], abs=1e-6)  # right, down to its bottom, ahead
     turn = np.radians(yaw + 90.0) + found.rotation_y  # KITTI counts from the camera's x axis, about y, downwards

@@ -52,7 +52,6 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
-    from fieldtruth.core.progress import show_progress
 
     out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
     with cluster as engine:
@@ -156,13 +155,11 @@ def _title(experiment: "Experiment") -> str:
     """Say what is simulated, and how much longer a first run takes."""
     from fieldtruth.simulation.first_run import lacks_kernels
 
-    made = experiment
-    what = (
-        f"{made.seconds:g} s" if made.seconds else "the route" if made.frames is None else f"{made.frames.count} frames"
-    )
-    sensors = f"{len(made.rig.in_order())} sensors in {made.environment}, seed {made.seed}"
+    frames, seconds = experiment.frames, experiment.seconds
+    what = f"{seconds:g} s" if seconds else "the route" if frames is None else f"{frames.count} frames"
+    sensors = f"{len(experiment.rig.in_order())} sensors in {experiment.environment}, seed {experiment.seed}"
     first = "; the first run compiles, too, and takes a minute or two longer than later ones"
-    return f"{made.name}: {what} with {sensors}{first * lacks_kernels(made)}"
+    return f"{experiment.name}: {what} with {sensors}{first * lacks_kernels(experiment)}"
 
 
 def _print_bag(bag: Path, start: float) -> None:

@@ -107,11 +107,5 @@ def _view(options: argparse.Namespace) -> None:
         print_output(Path(options.save))
 
 
-COMMANDS: Final = {
-    "export": _export,
-    "annotate": _annotate,
-    "validate": _validate,
-    "report": _report,
-    "view": _view,
-}
+COMMANDS: Final = {"export": _export, "annotate": _annotate, "validate": _validate, "report": _report, "view": _view}
 """Sub-commands by name."""

@@ -33,9 +33,8 @@ def _scene(options: argparse.Namespace) -> None:
     out = check_scene_output(
         f"{options.environment}_{options.seed}", options.out, to=options.to, overwrite=options.overwrite
     )
-
     with show_progress() as progress:
-        with progress.stage("world"):
+        with progress.stage("build the world"):
             world = selected_world(options)
         with progress.stage("write the scene"):
             write_scene(world, out, to=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
@@ -54,7 +53,7 @@ def _gazebo(options: argparse.Namespace) -> None:
         options.seed = 0 if like is None else like.seed
     layout = DEFAULT_LAYOUT if like is None else {**DEFAULT_LAYOUT, **like.layout}
     with show_progress() as progress:
-        with progress.stage("world"):
+        with progress.stage("build the world"):
             world = selected_world(options, layout)
         with progress.stage("write the package"):
             out = write_gazebo(

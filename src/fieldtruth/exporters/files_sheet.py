@@ -19,6 +19,7 @@ from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
 from fieldtruth.ontology import LabelMap
+from fieldtruth.report.drawing.style import HAIRLINE, PIXELS, POINTS
 
 SHARES: Final = "class shares"
 FIGURE: Final = "figure 21"
@@ -26,8 +27,6 @@ EXPLANATION: Final = "explanation"
 _CREATED: Final = datetime(1980, 1, 1)
 _FIRST_ROW: Final = 2
 """First row of classes, below two rows of headings."""
-_PIXELS, _POINTS, _GRID = "#2f6fde", "#dc3f36", "#d5dbe3"
-"""Colours of the chart: bars of pixels, bars of points, grid lines."""
 _WIDTHS: Final = (6, 24, 10)
 """Widths [characters] of the columns id, class and colour."""
 
@@ -151,7 +150,7 @@ def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column])
     bold, right = (book.add_format({"bold": True, "align": align}) for align in ("left", "right"))
     share = _number(book, "0.000000")
     sums = {column.what: column for column in columns}  # the last of each kind
-    colours = {"pixels": _PIXELS, "points": _POINTS}
+    colours = {"pixels": PIXELS, "points": POINTS}
     bars = [(what, colour, sums[what]) for what, colour in colours.items() if what in sums]
     sheet.set_column(0, 0, _WIDTHS[1])
     sheet.set_column(1, 2, 12)
@@ -174,7 +173,7 @@ def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column])
             }
         )
     chart.set_title({"name": "Share of each class in pixels and points", "name_font": {"size": 13}})
-    lines = {"visible": True, "line": {"color": _GRID}}
+    lines = {"visible": True, "line": {"color": HAIRLINE}}
     chart.set_y_axis({"name": "per unit", "num_format": "0.00", "min": 0, "major_gridlines": lines})
     chart.set_legend({"position": "top"})
     chart.set_size({"width": 900, "height": 460})

@@ -134,7 +134,7 @@ def first_views(run: Run) -> list[Source]:
 
 def noun_of(sources: Iterable[Source]) -> str:
     """Name of the kind of some sensors, or their kinds, in a sentence about one of them: ``LiDAR``."""
-    return " or ".join(dict.fromkeys(each.config.noun or each.config.kind for each in sources))
+    return " or ".join(dict.fromkeys(each.config.noun for each in sources))
 
 
 class Chosen(NamedTuple):
@@ -174,6 +174,12 @@ def views_of(run: Run) -> dict[str, list[Source]]:
     for view in run.of(Image, "photo", "label"):
         views.setdefault(view.device, []).append(view)
     return views
+
+
+def format_of(run: Run, view: Source) -> str:
+    """Return the format of a view's photographs, JPEG or PNG, as the first one has it."""
+    start = bytes(run.readings(view.name, ["photo"]).message(0).data[:4])
+    return "PNG" if start == b"\x89PNG" else "JPEG"
 
 
 def require_frames(run: Run, *, clouds: bool) -> None:

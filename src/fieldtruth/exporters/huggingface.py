@@ -32,6 +32,7 @@ from fieldtruth.exporters.frames import (
     Frames,
     Member,
     cloud_about,
+    format_of,
     noun_of,
     require_frames,
     views_of,
@@ -97,14 +98,8 @@ def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_COLUMNS["image"][:2], *found, *_COLUMNS["image"][2:]) if views else ()
     columns += _COLUMNS["lens"] * any(_is_distorted(run, view) for run, view in views)
-    formats = " or ".join(sorted({_format_of(run, view) for run, view in views}))
+    formats = " or ".join(sorted({format_of(run, view) for run, view in views}))
     return tuple(column._replace(about=column.about.format(views=names, formats=formats)) for column in columns)
-
-
-def _format_of(run: Run, view: Source) -> str:
-    """Return the format of a view's photographs, as the first one has it."""
-    start = bytes(run.readings(view.name, ["photo"]).message(0).data[:4])
-    return "PNG" if start == b"\x89PNG" else "JPEG"
 
 
 def _is_distorted(run: Run, view: Source) -> bool:

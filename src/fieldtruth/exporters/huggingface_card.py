@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import yaml
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.templates import templates
 from fieldtruth.core.yaml_io import filled, package_data
 from fieldtruth.datasets import ROLES
 from fieldtruth.exporters.frames import Member, noun_of
@@ -26,18 +26,9 @@ from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"
+CROISSANT: Final = "croissant.json"
 LICENCE: Final = "cc-by-4.0"
 """Licence of what fieldtruth generated; that of other bags is not known."""
-
-_TEMPLATES: Final = Environment(
-    loader=PackageLoader("fieldtruth.exporters", "."),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
-CROISSANT: Final = "croissant.json"
-
 _KEYS: Final = ("run", *(role.key for role in ROLES.values()), "stamp_ns")
 """Columns that identify a row."""
 _FIXED: Final = package_data("fieldtruth.exporters", "croissant.yaml")
@@ -145,7 +136,8 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
     content, units = content_of(members)
     made = [member.run.experiment for member in members if member.run.experiment is not None]
     header = yaml.safe_dump(_header(tables, members, names), sort_keys=False, allow_unicode=True, width=1000)
-    return _TEMPLATES.get_template("huggingface.md.jinja").render(
+    template = templates("fieldtruth.exporters").get_template("huggingface.md.jinja")
+    return template.render(
         header=header,
         title=title_of(members),
         content=content,

@@ -30,6 +30,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import chosen_of_many, first_of_clouds, first_views, noun_of, require_pinholes
 
@@ -40,8 +41,6 @@ WINDOW_NS: Final = 500_000_000
 """Largest difference [ns] of the stamps of a cloud and its photographs."""
 _EXACT_SHARE: Final = 0.1
 """Pairing is exact if at least this share of the clouds has photographs of its own stamp."""
-OPTICAL: Final = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
-"""A frame of clouds from an optical frame that looks along its x."""
 
 
 class Geometry(NamedTuple):

@@ -32,8 +32,7 @@ from fieldtruth.exporters.kitti import (
     row_text,
     write_cloud,
 )
-from fieldtruth.world.boxes import OrientedBox, box_around, outermost
-from fieldtruth.world.model import World
+from fieldtruth.world.boxes import box_around, outermost
 
 _LARGELY, _PARTLY = 0.4, 0.8
 """Visible shares of a silhouette below which an object is largely (2) or partly (1) occluded."""
@@ -109,7 +108,7 @@ def _lines(whole: WholeObjects, ids: Any, world_from_optical: Array) -> tuple[st
         instance = whole.objects[object_id]
         inside, alone = clipped(bounds, config.width, config.height), whole.silhouette(object_id, world_from_optical)
         share = pixels / max(alone.pixels, pixels)
-        box = kitti_box(whole.world, object_id, world_from_optical, whole)
+        box = kitti_box(whole, object_id, world_from_optical)
         alpha = _wrapped(box.rotation_y - float(np.arctan2(box.location[0], box.location[2])))
         occluded = 0 if share >= _PARTLY else 1 if share >= _LARGELY else 2
         numbers = [*inside, box.height, box.width, box.length, *box.location, box.rotation_y]
@@ -119,7 +118,7 @@ def _lines(whole: WholeObjects, ids: Any, world_from_optical: Array) -> tuple[st
     return "".join(labels), "".join(shares)
 
 
-def kitti_box(world: World, object_id: int, world_from_optical: Array, whole: WholeObjects) -> KittiBox:
+def kitti_box(whole: WholeObjects, object_id: int, world_from_optical: Array) -> KittiBox:
     """Smallest box of an object that is upright in the optical frame and has the object's heading there."""
     instance = whole.objects[object_id]
     optical_from_object = transforms.inverse(world_from_optical) @ instance.world_from_object
@@ -127,8 +126,8 @@ def kitti_box(world: World, object_id: int, world_from_optical: Array, whole: Wh
     angle = -float(np.arctan2(ahead[2], ahead[0]))
     cos, sin = np.cos(angle), np.sin(angle)
     turned = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    points = transforms.transform(optical_from_object, outermost(world.meshes[instance.mesh]))
-    box: OrientedBox = box_around(points, turned)
+    points = transforms.transform(optical_from_object, outermost(whole.world.meshes[instance.mesh]))
+    box = box_around(points, turned)
     length, height, width = box.size.tolist()
     return KittiBox(box.centre + np.array([0.0, height / 2, 0.0]), height, width, length, angle)
 

@@ -31,7 +31,7 @@ from fieldtruth.core.yaml_io import filled, package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import first_views
+from fieldtruth.exporters.frames import first_views, format_of
 from fieldtruth.exporters.tum import tum_text
 from fieldtruth.report.rig import kalibr_lens
 
@@ -114,6 +114,8 @@ class ViewFacts(NamedTuple):
     width: int
     height: int
     rate_hz: float
+    stored: str = "JPEG"
+    """Format of its photographs."""
 
 
 class Facts(NamedTuple):
@@ -183,6 +185,7 @@ def _view(run: Run, view: Source) -> ViewFacts:
         width=lens.width,
         height=lens.height,
         rate_hz=view.config.rate_hz,
+        stored=format_of(run, view),
     )
 
 
@@ -457,4 +460,5 @@ def _images(facts: Facts) -> str:
     names = ("/camera/left/image_raw", "/camera/right/image_raw") if len(topics) == 2 else ("/camera/image_raw",)
     remaps = [f"{name}:={topic}" for name, topic in zip(names, topics, strict=True)]
     remaps += [f"/imu:={facts.inertial.topic}"] if facts.inertial else []
-    return f"{_TEXTS['republish']}{_TEXTS['orb_topics']}".format(lines=lines, remaps=" ".join(remaps))
+    words = {"formats": " and ".join(sorted({view.stored for view in facts.views})), "lines": lines}
+    return f"{_TEXTS['republish']}{_TEXTS['orb_topics']}".format(**words, remaps=" ".join(remaps))

@@ -8,9 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from fieldtruth.core.files import write_atomically
+from fieldtruth.core.templates import templates
 
 
 def render(folder: str, template: str, **values: Any) -> str:
@@ -18,14 +17,7 @@ def render(folder: str, template: str, **values: Any) -> str:
 
     Templates have the filters ``number`` for one number and ``numbers`` for a list of them, both without loss.
     """
-    environment = Environment(
-        loader=PackageLoader("fieldtruth.gazebo", f"templates/{folder}"),
-        autoescape=lambda name: name is not None and _is_xml(name),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = templates("fieldtruth.gazebo", f"templates/{folder}", autoescape=_is_xml)
     environment.filters |= {"number": number, "numbers": numbers, "radians": math.radians}
     text = environment.get_template(template).render(**values)
     return re.sub(r"\n\s*\n", "\n", text) if _is_xml(template) else text
@@ -48,5 +40,5 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
-def _is_xml(template: str) -> bool:
-    return template.endswith((".xml.jinja", ".urdf.jinja", ".sdf.jinja", ".launch.jinja"))
+def _is_xml(template: str | None) -> bool:
+    return template is not None and template.endswith((".xml.jinja", ".urdf.jinja", ".sdf.jinja", ".launch.jinja"))

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 import fieldtruth
 from fieldtruth.bag.file import TRACK
@@ -19,6 +18,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading
+from fieldtruth.core.templates import templates
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.config import Experiment
@@ -29,13 +29,7 @@ from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
 from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.world.model import World
 
-_TEMPLATES: Final = Environment(
-    loader=PackageLoader("fieldtruth.report", "."),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
+_TEMPLATES: Final = templates("fieldtruth.report")
 
 
 def robot_title(robot: RobotConfig) -> str:

@@ -8,9 +8,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from numpy.typing import NDArray
 
@@ -28,6 +25,7 @@ from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud, looking
 from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, render_aerial, sector
+from fieldtruth.report.drawing.paper import Paper
 from fieldtruth.report.drawing.style import (
     FONT,
     HAIRLINE,
@@ -48,6 +46,10 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 
+WIDTH: Final = 2400
+"""Default width [pixel]."""
+WIDTH_IN_DOCUMENTS: Final = 1400
+"""Width [pixel] at which the sheet is still sharp as a JPEG below 400 kB."""
 APART: Final = 12.0
 """Preferred distance [m] between two viewpoints."""
 _CLEARANCE: Final = 1.0  # [m] around the robot
@@ -57,28 +59,6 @@ SCANS: Final = 240
 """Maximum number of scans in the cloud, evenly spread over the sample."""
 FREE_VIEWPOINTS: Final = 40
 """Size of the sample in an environment without experiments."""
-WAYPOINT_RADIUS: Final = 3.0
-"""Radius [m] of the circles (paper, section 3)."""
-_ARROW_SPACING: Final = 24.0  # [m]
-_SCALE: Final = 10.0  # [m]
-_FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
-_NAME: Final = 1.52  # [inch] for swatch and name
-_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
-_BAR: Final = 0.092  # [inch]
-_SHEET: Final = 12.0  # [inch], like all lengths below
-_EDGE: Final = 0.45
-_INNER: Final = _SHEET - 2 * _EDGE
-_MAP_TOP: Final = 1.5
-_GAP: Final = 0.12
-_HEADING: Final = 0.56
-_CLOUD: Final = (6.75, 4.35)
-_FOV_DEG: Final = 44.0
-_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
-_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
-WIDTH: Final = 2400
-"""Default width [pixel]."""
-WIDTH_IN_DOCUMENTS: Final = 1400
-"""Width [pixel] at which the sheet is still sharp as a JPEG below 400 kB."""
 
 
 def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
@@ -225,6 +205,16 @@ def _scan(world: World, sensors: Mapping[str, Sensor], poses: Sequence[Array]) -
     return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners))
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Aerial view with routes and viewpoints
+
+WAYPOINT_RADIUS: Final = 3.0
+"""Radius [m] of the circles (paper, section 3)."""
+_ARROW_SPACING: Final = 24.0  # [m]
+_SCALE: Final = 10.0  # [m]
+_FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
+
+
 def draw_map(axes: Axes, content: SheetContent) -> None:
     """Draw on axes whose unit is the pixel of the aerial view."""
     aerial = content.aerial
@@ -309,54 +299,12 @@ def _draw_scale_and_north(axes: Axes, aerial: Aerial) -> None:
     _write(axes, float(tail[0] + head[0]) / 2, text_row, "north", 7.4, **text)
 
 
-class Paper:
-    """A white sheet of ``width`` x ``height`` [inch], drawn ``pixels`` wide; positions are from its upper left corner.
+# ---------------------------------------------------------------------------------------------------------------------
+# Class shares
 
-    It uses matplotlib's figure without pyplot, so that no global state changes, and the font of matplotlib.
-    """
-
-    def __init__(self, width: float, height: float, pixels: int) -> None:
-        self.width, self.height = width, height
-        self.figure = Figure(figsize=(width, height), dpi=pixels / width, facecolor="white")
-        self._canvas = FigureCanvasAgg(self.figure)
-
-    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
-        """Add an empty drawing area whose upper left corner is at ``left``, ``top``."""
-        box = (left / self.width, 1.0 - (top + height) / self.height, width / self.width, height / self.height)
-        axes = self.figure.add_axes(box)
-        axes.set_axis_off()
-        return axes
-
-    def image_at(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
-        """Draw an image (h, w, 3) into a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
-        axes = self.axes(left, top, width, height)
-        axes.imshow(image, aspect="auto", interpolation="antialiased")
-        axes.set_autoscale_on(False)
-        return axes
-
-    def text(self, left: float, baseline: float, content: str, size: float = 8.0, **options: Any) -> float:
-        """Write text of ``size`` [point] with options of matplotlib's text; return its width [inch]."""
-        style: dict[str, Any] = {"color": INK, "family": FONT, "va": "baseline"} | options
-        written = self.figure.text(left / self.width, 1.0 - baseline / self.height, content, fontsize=size, **style)
-        renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
-        return float(written.get_window_extent(renderer).width / self.figure.dpi)
-
-    def heading(self, left: float, top: float, title: str, caption: str) -> None:
-        """Write a title and a caption beside it, above what begins at ``top``."""
-        width = self.text(left, top - 0.13, title, 10.5, weight="bold")
-        self.text(left + width + 0.14, top - 0.13, caption, 8.2, color=MUTED)
-
-    def box(self, left: float, top: float, width: float, height: float, colour: str, **options: Any) -> None:
-        """Draw a filled rectangle with options of matplotlib's Rectangle."""
-        corner = (left / self.width, 1.0 - (top + height) / self.height)
-        size = (width / self.width, height / self.height)
-        style: dict[str, Any] = {"facecolor": colour, "linewidth": 0.0} | options
-        self.figure.add_artist(Rectangle(corner, *size, transform=self.figure.transFigure, **style))
-
-    def render(self) -> NDArray[np.uint8]:
-        """Return the sheet as an image (h, w, 3)."""
-        self._canvas.draw()  # type: ignore[no-untyped-call]
-        return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+_NAME: Final = 1.52  # [inch] for swatch and name
+_VALUE: Final = 0.42  # [inch] for the number beside the longest bar
+_BAR: Final = 0.092  # [inch]
 
 
 def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, width: float, height: float) -> None:
@@ -381,6 +329,21 @@ def occurring_classes(shares: ClassShares) -> Iterator[tuple[SemanticClass, floa
     for row, pixels, points in zip(CLASSES, shares.pixel_share, shares.point_share, strict=True):
         if pixels or points:
             yield row, float(pixels), float(points)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sheet
+
+_SHEET: Final = 12.0  # [inch], like all lengths below
+_EDGE: Final = 0.45
+_INNER: Final = _SHEET - 2 * _EDGE
+_MAP_TOP: Final = 1.5
+_GAP: Final = 0.12
+_HEADING: Final = 0.56
+_CLOUD: Final = (6.75, 4.35)
+_FOV_DEG: Final = 44.0
+_DESCENT: Final = 0.36  # of the view of the cloud, as a share of the world's length
+_OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of the view
 
 
 def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:

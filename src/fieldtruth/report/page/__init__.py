@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
@@ -33,6 +32,7 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.templates import templates
 from fieldtruth.report.drawing.images import downscaled, jpeg_below
 from fieldtruth.report.drawing.style import class_colour, fixed, sensor_nouns, shortened
 from fieldtruth.report.page import tables
@@ -281,13 +281,7 @@ def render_page(content: PageContent) -> str:
     scripts = [_source(name) for name in _SCRIPTS]
     hashes = " ".join(f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'" for script in scripts)
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'"
-    environment = Environment(
-        loader=PackageLoader("fieldtruth.report.page", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates("fieldtruth.report.page", autoescape=True, keep_trailing_newline=False)
     environment.filters |= {
         "base64": _base64,
         "fixed": fixed,

@@ -46,17 +46,6 @@ TURNING, ACCELERATION, WHEELS, POSITION = "turning", "acceleration", "wheels", "
 Row = tuple[float, ...]
 Time = tuple[int, int, int]
 """First and last stamp [ns], and the number of intervals that readings are reduced to."""
-PLOT_WIDTH: Final = 1000.0
-PLOT_HEIGHT: Final = 100.0
-"""Size of a plot in its own units; the page stretches it."""
-_DIGITS: Final = 5
-"""Significant digits of the values."""
-_MARGIN: Final = 0.06
-_CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
-UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
-"""Exceptions from a message that differs from what its topic promises."""
-_OTHER_CHANNELS: Final = 9
-"""Curves of motion and wheels."""
 
 
 class Line(NamedTuple):
@@ -255,6 +244,14 @@ class Wheel(Collector):
         return {WHEELS: {self.channel: rows[:, 0]}}
 
 
+PLOT_WIDTH: Final = 1000.0
+PLOT_HEIGHT: Final = 100.0
+"""Size of a plot in its own units; the page stretches it."""
+_DIGITS: Final = 5
+"""Significant digits of the values."""
+_MARGIN: Final = 0.06
+
+
 class Tick(NamedTuple):
     """A grid line at ``at`` percent from the left or the top, and its label."""
 
@@ -363,7 +360,12 @@ def _plain(value: float, step: float) -> str:
     return fixed(value, max(0, -math.floor(math.log10(step) + 1e-9)))
 
 
+_CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
+UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
+"""Exceptions from a message that differs from what its topic promises."""
 _CHANNELS: Final = {Inertial: 6, Fixes: 3}
+_OTHER_CHANNELS: Final = 9
+"""Numbers of channels: of a topic by its collector, and of motion and wheels together."""
 
 
 def count_pixels(tag: Any) -> Counts:

@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import transforms
@@ -23,6 +22,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.lenses import Lens
 from fieldtruth.core.readings import Inertial
+from fieldtruth.core.templates import templates
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig, chassis_box, rollers, wheel_cylinders
 from fieldtruth.experiment.sensor_config import BASE, SensorConfig
@@ -31,18 +31,18 @@ _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 _HEADER: Final = """\
 # Kalibr's camchain: T_cn_cnm1 takes points of the camera before to this one, T_cam_imu those of the IMU.
 """
-_DIGITS: Final = 15
+_DIGITS: Final = 15  # behind the decimal point; less is rounding error
 
 
 def tree_text(rig: Rig) -> str:
     """Return the frames of a rig, each below its parent, with their poses in it and the sensors that they belong to."""
-    transforms = rig_transforms(rig)
+    poses = rig_transforms(rig)
     owner = {name: each for each in rig.sensors for name in (*each.frames(), *each.optical_frames())}
     moving = [wheel.frame for wheel in wheel_cylinders(rig)]
     rows: list[Sequence[str]] = [_HEAD, (WORLD, *[""] * 7), (f"  {BASE}", *[""] * 6, "the robot, which moves")]
 
     def add(parent: str, depth: int) -> None:
-        for (above, name), parent_from_child in transforms.items():
+        for (above, name), parent_from_child in poses.items():
             if above == parent:
                 sensor = owner.get(name)
                 what = "a wheel, which turns" if name in moving else _title(sensor) if sensor else "the robot"
@@ -141,7 +141,7 @@ def kalibr_lens(lens: Lens) -> dict[str, Any] | str:
 
 
 def _rows(matrix: Array) -> list[list[float]]:
-    rows: list[list[float]] = (np.round(matrix, 15) + 0.0).tolist()
+    rows: list[list[float]] = (np.round(matrix, _DIGITS) + 0.0).tolist()
     return rows
 
 
@@ -167,14 +167,7 @@ def urdf_text(rig: Rig) -> str:
         (*names, pose[:3, 3], np.radians(transforms.rpy_deg_from_rotation(pose[:3, :3])))
         for names, pose in rig_transforms(rig).items()
     ]
-    environment = Environment(
-        loader=PackageLoader("fieldtruth.report.rig", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = templates("fieldtruth.report.rig", autoescape=True)
     environment.filters |= {"number": _number, "numbers": lambda values: " ".join(map(_number, values))}
     return environment.get_template("urdf.xml.jinja").render(
         rig=rig,

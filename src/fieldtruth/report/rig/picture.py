@@ -21,8 +21,8 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers, sensor_views
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.experiment.sensor_families import SensorView
+from fieldtruth.report.drawing.paper import Paper
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent, sensor_nouns
-from fieldtruth.report.preview import Paper
 from fieldtruth.sense.robot import meet, part_table
 
 HALF: Final = 10.0
