@@ -13,7 +13,6 @@ for cameras that look past chassis and wheels and beams that pass over them, as 
 """
 
 import math
-import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -100,7 +99,16 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "robot": robot_words(rig.robot),
         "topics": topics,
         "geodesy": geodesy,
-        "parts": sys.modules[__name__],
+        "mount_pose": mount_pose,
+        "view_pose": view_pose,
+        "scan_angles": scan_angles,
+        "cloud_topic": cloud_topic,
+        "stiffness": STIFFNESS,
+        "damping": DAMPING,
+        "max_correction": MAX_CORRECTION,
+        "min_depth": MIN_DEPTH,
+        "antenna_mass": ANTENNA_MASS,
+        "antenna_inertia": ANTENNA_INERTIA,
         "friction": FRICTION,
         "frames": fixed_frames(rig),
         "scanners": rig.enabled(ScanningConfig),
