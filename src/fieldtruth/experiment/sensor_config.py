@@ -381,7 +381,8 @@ class SensorConfig(Frozen):
     def gazebo(self, flavour: str) -> str:
         """Return its ``<sensor>`` of SDF in base_link for Gazebo ``classic`` or ``gz``; empty: the one of its readings.
 
-        Of clouds, images, inertial readings and fixes every package has one; other kinds without it are refused.
+        Every package has one of a ``ScanningConfig``, of an ``ImagingConfig``, and of sensors in a frame of their own
+        that give ``Inertial`` or ``Fix``; other kinds without one of their own are refused.
         """
         return ""
 

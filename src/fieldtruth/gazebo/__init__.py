@@ -56,7 +56,7 @@ def write_gazebo(
     from fieldtruth.gazebo.worlds import write_world
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
-    check_rig(sensors)
+    check_rig(sensors, chosen)
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:

@@ -14,7 +14,7 @@ for cameras that look past chassis and wheels and beams that pass over them, as 
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -25,7 +25,7 @@ from fieldtruth.bag import topics
 from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, WheelSpeeds
+from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
@@ -44,8 +44,6 @@ MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
 MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
 ANTENNA_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
 ANTENNA_INERTIA: Final = 1e-6  # [kg m^2]
-_HELD: Final = (Cloud, Image, Inertial, Fix)
-"""Types of readings that Gazebo's sensors have."""
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
@@ -71,7 +69,7 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
     Raises:
         ConfigurationError: a sensor that Gazebo does not have, see ``check_rig``.
     """
-    check_rig(rig)
+    check_rig(rig, [flavour])
     values = _values(rig, flavour)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
     version = "1.9" if flavour == "gz" else "1.7"
@@ -92,7 +90,7 @@ def _sensors(rig: Rig) -> str:
 
 
 def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
-    mounts = rig.mounts()
+    mounts, usual = rig.mounts(), _without_own(rig, flavour)
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
@@ -111,10 +109,11 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "antenna_inertia": ANTENNA_INERTIA,
         "friction": FRICTION,
         "frames": fixed_frames(rig),
-        "scanners": rig.enabled(ScanningConfig),
-        "inertial_sensors": rig.giving(Inertial),
-        "receivers": rig.giving(Fix),
-        "antennas": {receiver.frame for receiver in rig.giving(Fix)},
+        "scanners": usual.enabled(ScanningConfig),
+        "imagers": usual.imagers,
+        "inertial_sensors": usual.giving(Inertial),
+        "receivers": usual.giving(Fix),
+        "antennas": {receiver.frame for receiver in usual.giving(Fix)},
         "own": [text for each in rig.in_order() if (text := each.gazebo(flavour))],
         "shapes": body_shapes(rig),
         "tread": wheel_shape(rig),
@@ -206,17 +205,28 @@ def cloud_topic(config: ScanningConfig) -> str:
     return config.topic.removesuffix("/points") or f"/{config.name}"
 
 
-def check_rig(rig: Rig) -> None:
-    """Check that Gazebo has the sensors that are enabled.
+def _without_own(rig: Rig, flavour: Flavour) -> Rig:
+    """Return the rig without the sensors that have an element of their own in place of that of their readings."""
+    return rig.with_each(lambda each: {"enabled": False} if each.gazebo(flavour) else {})
+
+
+def check_rig(rig: Rig, flavours: Iterable[Flavour]) -> None:
+    """Check that the packages of these flavours can hold the sensors that are enabled.
 
     Raises:
-        ConfigurationError: beams that are uneven or leave their column; a lens other than a plain pinhole; a robot
-            without four driven wheels.
+        ConfigurationError: a kind of sensor that Gazebo does not have; beams that are uneven or leave their column; a
+            lens other than a plain pinhole; a robot without four driven wheels.
     """
     if rig.robot.drive != "skid_steer":
         raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
+    for flavour in flavours:
+        _check_usual(_without_own(rig, flavour))
+
+
+def _check_usual(rig: Rig) -> None:
+    held = (*rig.enabled(ScanningConfig), *rig.enabled(ImagingConfig), *rig.giving(Inertial), *rig.giving(Fix))
     for sensor in rig.in_order():
-        if not (issubclass(sensor.gives, _HELD) or sensor.needs_wheels or sensor.gazebo("gz")):
+        if sensor not in held and not sensor.needs_wheels:
             raise ConfigurationError(
                 f"rig.sensors: {sensor.name} is of kind {sensor.kind}, which a Gazebo package cannot hold; "
                 "give enabled: false"
