@@ -41,7 +41,7 @@ _OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model
 
 
 def is_campaign(name_or_path: str) -> bool:
-    """Whether this is the campaign "all", or a YAML file with a key that campaigns have and experiments do not."""
+    """Return whether this is the campaign "all", or a YAML file with a key that only campaigns have."""
     if name_or_path == ALL:
         return True
     path = Path(name_or_path)

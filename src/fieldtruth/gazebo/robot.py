@@ -298,7 +298,7 @@ class Shape(NamedTuple):
 
     @property
     def is_box(self) -> bool:
-        """Whether it is a box."""
+        """True for a box."""
         return len(self.size) == 3
 
 

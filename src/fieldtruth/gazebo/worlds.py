@@ -81,7 +81,7 @@ AddMesh = Callable[[Part, Surface], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """What becomes a static model: its name in /gazebo/model_states, pose in the world, parts.
+    """A static model: its name in /gazebo/model_states, pose in the world, parts.
 
     ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``.
     """
