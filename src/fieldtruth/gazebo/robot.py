@@ -38,12 +38,15 @@ from fieldtruth.report.card import robot_title
 
 Flavour = Literal["classic", "gz"]
 """Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
-STIFFNESS: Final = 1e7  # [N/m]
-DAMPING: Final = 1.0  # [N s/m]
-MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
-MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
-ANTENNA_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
-ANTENNA_INERTIA: Final = 1e-6  # [kg m^2]
+_FIGURES: Final = {
+    "stiffness": 1e7,  # [N/m] of a tyre's contact
+    "damping": 1.0,  # [N s/m] of it
+    "max_correction": 0.1,  # [m/s] by which a penetration is undone
+    "min_depth": 0.0005,  # [m] that a contact may keep, so that it does not open and close
+    "antenna_mass": 0.001,  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
+    "antenna_inertia": 1e-6,  # [kg m^2]
+    "friction": FRICTION,
+}
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
@@ -101,13 +104,7 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "view_pose": view_pose,
         "scan_angles": scan_angles,
         "cloud_topic": cloud_topic,
-        "stiffness": STIFFNESS,
-        "damping": DAMPING,
-        "max_correction": MAX_CORRECTION,
-        "min_depth": MIN_DEPTH,
-        "antenna_mass": ANTENNA_MASS,
-        "antenna_inertia": ANTENNA_INERTIA,
-        "friction": FRICTION,
+        **_FIGURES,
         "frames": fixed_frames(rig),
         "scanners": usual.enabled(ScanningConfig),
         "imagers": usual.imagers,
@@ -122,7 +119,6 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "black": BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
-        "chassis_mass": rig.robot.chassis_mass,
         "inertia": chassis_inertia(rig.robot),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
@@ -135,8 +131,8 @@ class Frame(NamedTuple):
 
     name: str
     parent: str
-    xyz: tuple[float, float, float]
-    rpy: tuple[float, float, float]
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
 
 
 class RobotWords(NamedTuple):
@@ -164,10 +160,11 @@ class Scan(NamedTuple):
 def fixed_frames(rig: Rig) -> tuple[Frame, ...]:
     """Return the frames that do not turn: those in base_link (the paper's Table 2), and the cameras' optical frames."""
     turning = {f"{wheel}_wheel" for wheel in WHEELS}
-    table = [_frame(name, "base_link", mount) for name, mount in rig.mounts().items() if name not in turning]
+    poses = {name: mount_pose(mount) for name, mount in rig.mounts().items() if name not in turning}
+    table = [Frame(name, "base_link", pose[:3], pose[3:]) for name, pose in poses.items()]
     for sensor in rig.sensors:
         for name, (parent, parent_from_optical) in reversed(sensor.optical_frames().items()):
-            table.append(Frame(name, parent, (0.0, 0.0, 0.0), _xyz(_rpy(parent_from_optical))))
+            table.append(Frame(name, parent, (0.0, 0.0, 0.0), tuple(_rpy(parent_from_optical).tolist())))
     return tuple(table)
 
 
@@ -191,13 +188,9 @@ def scan_angles(config: ScanningConfig) -> Scan:
     ours begin ahead and advance clockwise; its ring j is our ``rings - 1 - j``, or j where our ring 0 is the lowest.
     Its rays all leave at once: ``spinning`` and ``firing_offsets_ns`` have no counterpart.
     """
-    step = 2 * math.pi / config.columns
+    step, elevations = 2 * math.pi / config.columns, config.ring_elevations
     first = -(config.columns // 2) * step
-    half = math.radians(config.vertical_fov_deg) / 2 if config.rings > 1 else 0.0
-    low, high = -half, half
-    if config.elevations_deg is not None:
-        low, high = math.radians(min(config.elevations_deg)), math.radians(max(config.elevations_deg))
-    return Scan(first, first + (config.columns - 1) * step, low, high)
+    return Scan(first, first + (config.columns - 1) * step, float(elevations.min()), float(elevations.max()))
 
 
 def cloud_topic(config: ScanningConfig) -> str:
@@ -266,16 +259,6 @@ def wheel_inertia(figures: RobotConfig) -> Array:
 def chassis_inertia(figures: RobotConfig) -> Array:
     """Principal moments (3,) [kg m^2] of the chassis, less what ``wheel_inertia`` adds."""
     return figures.chassis_moments - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
-
-
-def _frame(name: str, parent: str, mount: Mount) -> Frame:
-    pose = mount_pose(mount)
-    return Frame(name, parent, _xyz(pose[:3]), _xyz(pose[3:]))
-
-
-def _xyz(values: Array | tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 def _rpy(rotation_of: Array) -> Array:
