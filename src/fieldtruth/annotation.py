@@ -99,7 +99,7 @@ def static_frames(run: Run) -> StaticFrames:
 
 
 def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
-    """Return ``parent_from_child`` by (parent, child) of the frames of cameras and LiDAR that the bag lacks.
+    """Return ``parent_from_child`` by (parent, child) of the frames that the rig's sensors need and the bag lacks.
 
     Raises:
         BagError: the bag has one of them at another pose.
@@ -272,9 +272,9 @@ def annotate(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a new bag: all messages of another one, and what the rig's cameras and LiDAR sense at its true poses.
+    """Write a new bag: all messages of another one, and readings of the rig's sensors at its true poses.
 
-    Images and clouds that the bag has already are kept, too: their topics get the prefix /recorded.
+    Messages of these sensors that the bag has already are kept, too: their topics get the prefix /recorded.
 
     The bytes do not depend on the number of workers. If interrupted, the same call resumes.
 
@@ -356,7 +356,7 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
 def _added_topics(run: Run, rig: Rig) -> list[Topic]:
     added = [topic for topic in table.topics_of(rig) if topic.kind in KINDS and KINDS[topic.kind].sees]
     if not added:
-        raise ConfigurationError("nothing to add: the rig has neither cameras nor a LiDAR that is enabled")
+        raise ConfigurationError("nothing to add: no sensor of the rig that sees the world is enabled")
     if present := [topic.name for topic in added if topic.name in run.counts]:
         renamed = f"the bag's own messages of {', '.join(present)} have the prefix {RECORDED} in the new bag"
         warnings.warn(renamed, FieldtruthWarning, stacklevel=3)

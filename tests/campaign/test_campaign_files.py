@@ -10,6 +10,7 @@ from fieldtruth import cli
 from fieldtruth.campaign.draw import draw
 from fieldtruth.campaign.files import dump_campaign, is_campaign, load_campaign
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.experiment.sensor_config import KINDS
 
 DRAWN = "name: c\nruns: 4\nenvironments: [park]\n"
 
@@ -67,6 +68,7 @@ MISTAKES = [
     (DRAWN + "split: {train: 0.5, dev: 0.5}\n", "unknown key 'split.dev'; Available: train, val, test"),
     (DRAWN + "split: {train: 0.5, val: 0.5}\n", "split: val would be empty, because the runs have 1 world "),
     (DRAWN + "seconds: 3\nroutes: {frames: {count: 5}}\n", "seconds is for drives; of frames, frames.count says how "),
+    (DRAWN + "switches: {camras: false}\n", "unknown switch 'camras'; did you mean 'cameras'? Available: "),
     (DRAWN + "extras: [depht]\n", "unknown extra 'depht'; did you mean 'depth'? Available: depth, instances"),
     (
         "name: c\nruns: product\nenvironments: {choice: [park, lake], weights: [1, 2]}\n",
@@ -94,6 +96,13 @@ def test_a_mistake_is_one_line_and_nothing_is_written(
     assert err.startswith("error: " if line.startswith("cannot read x.yaml") else "error: campaign.yaml: ")
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_misspelt_switch_of_an_added_kind_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(KINDS, "sonar", type("SonarConfig", (), {"switch": "sonar"}))
+    (tmp_path / "campaign.yaml").write_text(DRAWN + "sonr: false\n")
+    with pytest.raises(ConfigurationError, match="unknown key 'sonr'; did you mean 'sonar'"):
+        load_campaign("campaign.yaml")
 
 
 OPTIONS = [

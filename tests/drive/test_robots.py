@@ -291,6 +291,6 @@ def test_speeds_follow_the_robot() -> None:
 
 
 def test_a_package_for_gazebo_refuses_a_robot_with_two_wheels() -> None:
-    check_rig(rig_of("warthog"))
+    check_rig(rig_of("warthog"), ["classic"])
     with pytest.raises(ConfigurationError, match=r"^rig\.robot\.drive must be skid_steer: "):
-        check_rig(rig_of("generic_differential"))
+        check_rig(rig_of("generic_differential"), ["classic"])

@@ -5,6 +5,7 @@
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 from typing import get_args
 
@@ -18,10 +19,12 @@ from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.readings import Cloud, Reading
 from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
+from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.gazebo.robot import Flavour, Shape, body_shapes, robot_words, wheel_shape, write_robot
 from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
@@ -81,6 +84,38 @@ def test_a_kind_may_give_an_element_of_its_own(
     assert sdf(Rig(), flavour, tmp_path).find(".//link[@name='base_link']/sensor[@type='x']") is not None
     urdf = ET.parse(tmp_path / "urdf/husky.urdf").getroot()
     assert urdf.find("gazebo[@reference='base_link']/sensor[@type='x']") is not None
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+@pytest.mark.parametrize(
+    ("config", "replaced"),
+    [(LidarConfig, {"ray", "gpu_lidar"}), (StereoConfig, {"camera", "segmentation"}), (ImuConfig, {"imu"})],
+)
+def test_an_element_of_its_own_takes_the_place_of_that_of_its_readings(
+    config: type[SensorConfig],
+    replaced: set[str],
+    flavour: Flavour,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    usual = [sensor.get("type") for sensor in sdf(Rig(), flavour, tmp_path / "usual").iter("sensor")]
+    monkeypatch.setattr(config, "gazebo", lambda self, flavour: f"<sensor name='{self.name}' type='x'/>")
+    found = [sensor.get("type") for sensor in sdf(Rig(), flavour, tmp_path / "own").iter("sensor")]
+    assert replaced & {*usual}
+    assert Counter(found) == Counter(["x", *(each for each in usual if each not in replaced)])
+
+
+@pytest.mark.parametrize("gives", [WheelOdometryConfig.gives, Cloud])
+def test_an_element_of_the_other_flavour_does_not_help(
+    gives: type[Reading], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor do readings of a type that Gazebo knows, of a kind that is not known to scan."""
+    monkeypatch.setattr(WheelOdometryConfig, "needs_wheels", False)
+    monkeypatch.setattr(WheelOdometryConfig, "gives", gives)
+    monkeypatch.setattr(WheelOdometryConfig, "gazebo", lambda self, flavour: "<sensor/>" if flavour == "gz" else "")
+    write_robot(tmp_path, Rig(), "gz")
+    with pytest.raises(ConfigurationError, match=r"of kind wheel_odometry, which a Gazebo package cannot hold; "):
+        write_robot(tmp_path, Rig(), "classic")
 
 
 @RIGS

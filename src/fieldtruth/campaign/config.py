@@ -28,7 +28,7 @@ from fieldtruth.experiment.fields import (
     configuration_error,
     shortened,
 )
-from fieldtruth.experiment.sensor_config import KINDS, known_switches
+from fieldtruth.experiment.sensor_config import known_switches
 
 Tree = Any
 """Plain values, lists and mappings as YAML has them, with distributions in them."""
@@ -245,7 +245,7 @@ class Split(Frozen):
 class Campaign(Frozen):
     """Many runs: the complete input of a folder of data sets. Same campaign, same runs, same bytes."""
 
-    besides: ClassVar = tuple(dict.fromkeys(config.switch for config in KINDS.values() if config.switch))
+    besides: ClassVar = staticmethod(known_switches)
 
     name: CampaignName
     description: OneLine = ""

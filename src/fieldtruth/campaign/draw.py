@@ -104,7 +104,7 @@ class Shard(NamedTuple):
     parts: int
 
     def has(self, k: int) -> bool:
-        """Whether run k, counted from 0, is in this part.
+        """Return whether run k, counted from 0, is in this part.
 
         Each N runs in a row are in N different parts, in an order that moves on by one from row to row: parts differ by
         at most one run, and a product whose axes have N entries does not put one environment into one part. With as
@@ -165,7 +165,7 @@ class PlannedRun(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """What a run takes from the axes; distributions in them are not drawn yet."""
+    """Entries of the axes for one run; distributions in them are not drawn yet."""
 
     environment: str
     seed: int

@@ -220,7 +220,7 @@ def _slope(work: Callable[[float], object]) -> float:
 
 
 class Estimate(NamedTuple):
-    """What is expected of the runs that are left."""
+    """Expected cost of the runs that are left."""
 
     time_s: float
     bytes: float

@@ -23,7 +23,7 @@ from fieldtruth.experiment.fields import LocatedError, Mount, configuration_erro
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS
-from fieldtruth.experiment.sensor_config import known_extras, with_signal_files
+from fieldtruth.experiment.sensor_config import known_extras, known_switches, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout
@@ -41,7 +41,7 @@ _OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model
 
 
 def is_campaign(name_or_path: str) -> bool:
-    """Whether this is the campaign "all", or a YAML file with a key that campaigns have and experiments do not."""
+    """Return whether this is the campaign "all", or a YAML file with a key that only campaigns have."""
     if name_or_path == ALL:
         return True
     path = Path(name_or_path)
@@ -150,7 +150,7 @@ def check_campaign(campaign: Campaign, source: str) -> None:
     """Check names, layouts and the ends of distributions; ``source``, a file for example, is put in front of errors.
 
     Raises:
-        UnknownNameError: unknown environment or extra.
+        UnknownNameError: unknown environment, extra or switch.
         ConfigurationError: a value that is not allowed.
     """
     for experiment in campaign.experiments:
@@ -167,9 +167,11 @@ def check_campaign(campaign: Campaign, source: str) -> None:
                 _check_values(changed_values(experiment, {name: end}), f"{source}: {position}: {experiment.name}")
             if not campaign.experiments:
                 _check_values({name: end}, f"{source}: {position}")
-    for name in campaign.extras or ():
-        if name not in (known := known_extras()):
-            raise UnknownNameError("extra", name, known, source)
+    named = [("extra", name, known_extras()) for name in campaign.extras or ()]
+    named += [("switch", name, known_switches()) for name in campaign.switches]
+    for what, name, known in named:
+        if name not in known:
+            raise UnknownNameError(what, name, known, source)
     runs = campaign.experiments or (() if campaign.routes == BUILT_IN else entries(campaign.routes))
     if campaign.seconds is not None and runs and all(map(_has_frames, runs)):
         raise ConfigurationError(f"{source}: seconds is for drives; of frames, frames.count says how many there are")

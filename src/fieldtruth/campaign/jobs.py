@@ -122,7 +122,7 @@ def write_manifest(run: PlannedRun, out: Path, took_s: float, world_s: float) ->
 
 
 def _holds(folder: Path, experiment: Experiment) -> bool:
-    """Whether the folder has a bag of this experiment."""
+    """Return whether the folder has a bag of this experiment."""
     if not (folder / f"{experiment.name}.bag").exists() or not (folder / EXPERIMENT).exists():
         return False
     try:
@@ -138,7 +138,7 @@ def _holds(folder: Path, experiment: Experiment) -> bool:
 
 
 def _is_sound(folder: Path, experiment: Experiment) -> bool:
-    """Whether the bag is the one of SHA256SUMS."""
+    """Return whether the bag is the one of SHA256SUMS."""
     try:
         return fits_checksums(folder, f"{experiment.name}.bag")
     except FieldtruthError:

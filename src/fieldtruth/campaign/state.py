@@ -122,7 +122,7 @@ class State(NamedTuple):
 
     @property
     def is_left(self) -> bool:
-        """Whether the same command would make this run."""
+        """True if the same command would make this run."""
         return self.kind in (Kind.MISSING, Kind.BROKEN) or (self.kind is Kind.FAILED and not self.final)
 
 
@@ -195,5 +195,5 @@ def time_left_s(states: Sequence[State], jobs: int) -> float | None:
 
 
 def _scene(experiment: Experiment) -> Scene:
-    """What the world and its light depend on."""
+    """Return the values on which the world and its light depend."""
     return experiment.environment, experiment.seed, str(experiment.layout), str(experiment.light)

@@ -50,7 +50,7 @@ class _Named:
 
 
 class Options(NamedTuple):
-    """How a campaign is made; the bytes do not depend on it."""
+    """Options of making a campaign, on which the bytes do not depend."""
 
     jobs: int = 1
     workers: int | None = None

@@ -48,7 +48,7 @@ def _gazebo(options: argparse.Namespace) -> None:
     from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 
     check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
-    like = None if options.experiment is None else _experiment_in(options.environment, options.experiment)
+    like = None if options.experiment is None else _experiment_for(options)
     if options.seed is None:
         options.seed = 0 if like is None else like.seed
     layout = DEFAULT_LAYOUT if like is None else {**DEFAULT_LAYOUT, **like.layout}
@@ -67,18 +67,19 @@ def _gazebo(options: argparse.Namespace) -> None:
     print_output(out)
 
 
-def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
-    """Load an experiment in this environment, whose sensors Gazebo has."""
+def _experiment_for(options: argparse.Namespace) -> "Experiment":
+    """Load the experiment of a package for Gazebo: of its environment, with sensors that it can hold."""
     from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.gazebo import FLAVOURS
     from fieldtruth.gazebo.robot import check_rig
     from fieldtruth.world.build import check_layout
 
-    like = load_experiment(name_or_path)
-    if like.environment != environment:
-        expected = f"{like.environment!r}, the environment of {name_or_path}"
-        raise UsageError(f"ENVIRONMENT must be {expected}, got {environment!r}")
-    check_layout(environment, like.layout, name_or_path)
-    check_rig(like.rig)
+    like = load_experiment(options.experiment)
+    if like.environment != options.environment:
+        expected = f"{like.environment!r}, the environment of {options.experiment}"
+        raise UsageError(f"ENVIRONMENT must be {expected}, got {options.environment!r}")
+    check_layout(like.environment, like.layout, options.experiment)
+    check_rig(like.rig, FLAVOURS[options.flavour])
     return like
 
 

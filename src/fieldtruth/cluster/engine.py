@@ -120,7 +120,7 @@ class ClusterSlices(SliceFolder):
 
 
 class _Ahead:
-    """How many slices may be submitted at once."""
+    """Number of slices that may be submitted at once."""
 
     def __init__(self, client: Client) -> None:
         self._client = client

@@ -121,7 +121,7 @@ _writing: Final = Recent[str, Lock](1000)
 
 
 class RunFacts(NamedTuple):
-    """What the client must know of a run that a worker prepared."""
+    """Facts that the client needs of a run that a worker prepared."""
 
     key: str
     end_ns: int
@@ -130,7 +130,7 @@ class RunFacts(NamedTuple):
 
 
 class Order(NamedTuple):
-    """What a worker must know to make slices of a run.
+    """Order to make slices of a run.
 
     ``text`` is experiment.yaml, ``key`` that of its slices, ``folder`` the client's folder for them, ``token`` the
     name of a file in it, and ``priority`` higher for an earlier run.

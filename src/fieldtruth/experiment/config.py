@@ -143,7 +143,7 @@ class FramesConfig(Frozen):
 
 
 StaticObjects = Annotated[Literal["auto", "repeated", "latched"], Field(description="auto, repeated or latched")]
-"""How a bag has the objects that do not move: in every /gazebo/model_states, as Gazebo publishes them, or once, in
+"""Objects that do not move are in every /gazebo/model_states of a bag, as Gazebo publishes them, or once, in
 /gazebo/static_model_states. auto: once in worlds of more than 500 named objects."""
 
 

@@ -83,7 +83,7 @@ def _message(problem: _Problem) -> str:
         known = [
             name
             for choice in models_of(parent)
-            for name in (*getattr(choice, "also", ()), *choice.model_fields, *getattr(choice, "besides", ()))
+            for name in (*getattr(choice, "also", ()), *choice.model_fields, *getattr(choice, "besides", tuple)())
         ]
         return _unknown_key((*at, *loc), known)
     if kind == "value_error":  # a rule across fields; its text states the condition

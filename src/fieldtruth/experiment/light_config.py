@@ -247,5 +247,5 @@ class WeatherConfig(Frozen):
 
     @property
     def is_clear(self) -> bool:
-        """Whether no fog, rain, snow or dust is in the air."""
+        """True if no fog, rain, snow or dust is in the air."""
         return not (self.fog_visibility_m or self.rain_mm_h or self.snow_mm_h or self.dust_g_m3)

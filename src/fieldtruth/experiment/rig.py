@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the robot and its sensors, by default the paper's (Tables 1, 2 and 5), its rules and its short form.
+"""Configuration of the robot and its sensors, by default the paper's (Tables 1, 2 and 5): rules, short form, shapes.
 
 The short form has a key for each sensor of the paper, such as ``lidar: {rate_hz: 20}``. It changes the first sensor of
 its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint`` change the robot.
@@ -108,8 +108,6 @@ SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, 
 ROBOT: Final = "robot"
 ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
 """Keys of a rig that change the part of ``robot`` with the same name."""
-
-
 MODELS: Final = "models"
 """Key of a stored rig: models of the robot and of the sensors by name, None of one without a model."""
 
@@ -282,7 +280,7 @@ class Rig(Frozen, FirstOfKinds):
 
     @property
     def reports_wheels(self) -> bool:
-        """Whether a sensor reports of the robot's wheels; then its commands are published, too."""
+        """True if a sensor reports of the robot's wheels; then its commands are published, too."""
         return any(sensor.needs_wheels and sensor.enabled for sensor in self.sensors)
 
     def enabled(self, config: type[_Config]) -> tuple[_Config, ...]:

@@ -47,7 +47,7 @@ class Topic(NamedTuple):
 
     @property
     def latched(self) -> bool:
-        """Whether late subscribers get the last message; true for topics that are published once."""
+        """True for topics that are published once: late subscribers get the last message."""
         return self.rate_hz is None
 
 
@@ -95,7 +95,7 @@ class ClockConfig(Frozen):
 
     @property
     def may_lose(self) -> bool:
-        """Whether readings can be missing: lost ones, and those at which the clock shows 0 or less."""
+        """True if readings can be missing: lost ones, and those at which the clock shows 0 or less."""
         return self.drop_share > 0.0 or self.offset_s < 0.0 or self.jitter_s > 0.0
 
 
@@ -237,7 +237,7 @@ class SensorConfig(Frozen):
     rate_hz: Rate
     topic: TopicName
     signal: SignalConfig | None = None
-    """What a real sensor adds to ideal readings. None: ideal."""
+    """Figures of a real sensor, by which its readings differ from ideal ones. None: ideal."""
     clock: ClockConfig | None = None
     """The clock that stamps its messages, and which of them are lost. None: simulated time, and none."""
 
@@ -308,12 +308,12 @@ class SensorConfig(Frozen):
 
     @property
     def needs_next(self) -> bool:
-        """Whether a reading needs the pose at the next one, as optical flow does."""
+        """True if a reading needs the pose at the next one, as optical flow does."""
         return False
 
     @property
     def is_ideal(self) -> bool:
-        """Whether its messages have the true readings at the true time, and none is lost."""
+        """True if its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
     def output(
@@ -358,7 +358,7 @@ class SensorConfig(Frozen):
 
     @property
     def needs_signal_for_weather(self) -> bool:
-        """Whether no weather reaches it, as it is ideal."""
+        """True if weather changes nothing for it, because it is ideal."""
         return False
 
     @property
@@ -381,7 +381,8 @@ class SensorConfig(Frozen):
     def gazebo(self, flavour: str) -> str:
         """Return its ``<sensor>`` of SDF in base_link for Gazebo ``classic`` or ``gz``; empty: the one of its readings.
 
-        Of clouds, images, inertial readings and fixes every package has one; other kinds without it are refused.
+        Every package has one of a ``ScanningConfig``, of an ``ImagingConfig``, and of sensors in a frame of their own
+        that give ``Inertial`` or ``Fix``; other kinds without one of their own are refused.
         """
         return ""
 

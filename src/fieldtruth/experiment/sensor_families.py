@@ -279,7 +279,7 @@ class ImagingConfig(MountedConfig):
 
     @property
     def needs_next(self) -> bool:
-        """Whether it has optical flow."""
+        """True if it has optical flow."""
         return self.flow
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fieldtruth.world.model import World
 
 FLAVOURS: Final[dict[str, tuple["Flavour", ...]]] = {"classic": ("classic",), "gz": ("gz",), "both": ("classic", "gz")}
-"""What is written: a package, or a folder of packages named after their flavours."""
+"""Flavours of the packages that are written: of one, or of several in a folder, which are named after them."""
 DEFAULT_LAYOUT: Final = {"grid": 0.2}
 """Of the command's worlds: as a mesh of text, ground with nodes 5 cm apart would be 400 MB, at 10 cm 100."""
 _MARKS: Final = ("worlds", "classic/worlds")
@@ -56,7 +56,7 @@ def write_gazebo(
     from fieldtruth.gazebo.worlds import write_world
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
-    check_rig(sensors)
+    check_rig(sensors, chosen)
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:

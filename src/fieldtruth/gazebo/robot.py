@@ -13,9 +13,8 @@ for cameras that look past chassis and wheels and beams that pass over them, as 
 """
 
 import math
-import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
@@ -26,7 +25,7 @@ from fieldtruth.bag import topics
 from fieldtruth.core import geodesy, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, WheelSpeeds
+from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
@@ -39,14 +38,15 @@ from fieldtruth.report.card import robot_title
 
 Flavour = Literal["classic", "gz"]
 """Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""
-STIFFNESS: Final = 1e7  # [N/m]
-DAMPING: Final = 1.0  # [N s/m]
-MAX_CORRECTION: Final = 0.1  # [m/s] by which a penetration is undone
-MIN_DEPTH: Final = 0.0005  # [m] that a contact may keep, so that it does not open and close
-ANTENNA_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
-ANTENNA_INERTIA: Final = 1e-6  # [kg m^2]
-_HELD: Final = (Cloud, Image, Inertial, Fix)
-"""Types of readings that Gazebo's sensors have."""
+_FIGURES: Final = {
+    "stiffness": 1e7,  # [N/m] of a tyre's contact
+    "damping": 1.0,  # [N s/m] of it
+    "max_correction": 0.1,  # [m/s] by which a penetration is undone
+    "min_depth": 0.0005,  # [m] that a contact may keep, so that it does not open and close
+    "antenna_mass": 0.001,  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
+    "antenna_inertia": 1e-6,  # [kg m^2]
+    "friction": FRICTION,
+}
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.055, 0.030)  # [m] along x, y (more than the baseline), z
@@ -72,7 +72,7 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
     Raises:
         ConfigurationError: a sensor that Gazebo does not have, see ``check_rig``.
     """
-    check_rig(rig)
+    check_rig(rig, [flavour])
     values = _values(rig, flavour)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
     version = "1.9" if flavour == "gz" else "1.7"
@@ -93,20 +93,24 @@ def _sensors(rig: Rig) -> str:
 
 
 def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
-    mounts = rig.mounts()
+    mounts, usual = rig.mounts(), _without_own(rig, flavour)
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
         "robot": robot_words(rig.robot),
         "topics": topics,
         "geodesy": geodesy,
-        "parts": sys.modules[__name__],
-        "friction": FRICTION,
+        "mount_pose": mount_pose,
+        "view_pose": view_pose,
+        "scan_angles": scan_angles,
+        "cloud_topic": cloud_topic,
+        **_FIGURES,
         "frames": fixed_frames(rig),
-        "scanners": rig.enabled(ScanningConfig),
-        "inertial_sensors": rig.giving(Inertial),
-        "receivers": rig.giving(Fix),
-        "antennas": {receiver.frame for receiver in rig.giving(Fix)},
+        "scanners": usual.enabled(ScanningConfig),
+        "imagers": usual.imagers,
+        "inertial_sensors": usual.giving(Inertial),
+        "receivers": usual.giving(Fix),
+        "antennas": {receiver.frame for receiver in usual.giving(Fix)},
         "own": [text for each in rig.in_order() if (text := each.gazebo(flavour))],
         "shapes": body_shapes(rig),
         "tread": wheel_shape(rig),
@@ -115,7 +119,6 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "black": BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
-        "chassis_mass": rig.robot.chassis_mass,
         "inertia": chassis_inertia(rig.robot),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
@@ -128,8 +131,8 @@ class Frame(NamedTuple):
 
     name: str
     parent: str
-    xyz: tuple[float, float, float]
-    rpy: tuple[float, float, float]
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
 
 
 class RobotWords(NamedTuple):
@@ -157,10 +160,11 @@ class Scan(NamedTuple):
 def fixed_frames(rig: Rig) -> tuple[Frame, ...]:
     """Return the frames that do not turn: those in base_link (the paper's Table 2), and the cameras' optical frames."""
     turning = {f"{wheel}_wheel" for wheel in WHEELS}
-    table = [_frame(name, "base_link", mount) for name, mount in rig.mounts().items() if name not in turning]
+    poses = {name: mount_pose(mount) for name, mount in rig.mounts().items() if name not in turning}
+    table = [Frame(name, "base_link", pose[:3], pose[3:]) for name, pose in poses.items()]
     for sensor in rig.sensors:
         for name, (parent, parent_from_optical) in reversed(sensor.optical_frames().items()):
-            table.append(Frame(name, parent, (0.0, 0.0, 0.0), _xyz(_rpy(parent_from_optical))))
+            table.append(Frame(name, parent, (0.0, 0.0, 0.0), tuple(_rpy(parent_from_optical).tolist())))
     return tuple(table)
 
 
@@ -184,13 +188,9 @@ def scan_angles(config: ScanningConfig) -> Scan:
     ours begin ahead and advance clockwise; its ring j is our ``rings - 1 - j``, or j where our ring 0 is the lowest.
     Its rays all leave at once: ``spinning`` and ``firing_offsets_ns`` have no counterpart.
     """
-    step = 2 * math.pi / config.columns
+    step, elevations = 2 * math.pi / config.columns, config.ring_elevations
     first = -(config.columns // 2) * step
-    half = math.radians(config.vertical_fov_deg) / 2 if config.rings > 1 else 0.0
-    low, high = -half, half
-    if config.elevations_deg is not None:
-        low, high = math.radians(min(config.elevations_deg)), math.radians(max(config.elevations_deg))
-    return Scan(first, first + (config.columns - 1) * step, low, high)
+    return Scan(first, first + (config.columns - 1) * step, float(elevations.min()), float(elevations.max()))
 
 
 def cloud_topic(config: ScanningConfig) -> str:
@@ -198,17 +198,28 @@ def cloud_topic(config: ScanningConfig) -> str:
     return config.topic.removesuffix("/points") or f"/{config.name}"
 
 
-def check_rig(rig: Rig) -> None:
-    """Check that Gazebo has the sensors that are enabled.
+def _without_own(rig: Rig, flavour: Flavour) -> Rig:
+    """Return the rig without the sensors that have an element of their own in place of that of their readings."""
+    return rig.with_each(lambda each: {"enabled": False} if each.gazebo(flavour) else {})
+
+
+def check_rig(rig: Rig, flavours: Iterable[Flavour]) -> None:
+    """Check that the packages of these flavours can hold the sensors that are enabled.
 
     Raises:
-        ConfigurationError: beams that are uneven or leave their column; a lens other than a plain pinhole; a robot
-            without four driven wheels.
+        ConfigurationError: a kind of sensor that Gazebo does not have; beams that are uneven or leave their column; a
+            lens other than a plain pinhole; a robot without four driven wheels.
     """
     if rig.robot.drive != "skid_steer":
         raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
+    for flavour in flavours:
+        _check_usual(_without_own(rig, flavour))
+
+
+def _check_usual(rig: Rig) -> None:
+    held = (*rig.enabled(ScanningConfig), *rig.enabled(ImagingConfig), *rig.giving(Inertial), *rig.giving(Fix))
     for sensor in rig.in_order():
-        if not (issubclass(sensor.gives, _HELD) or sensor.needs_wheels or sensor.gazebo("gz")):
+        if sensor not in held and not sensor.needs_wheels:
             raise ConfigurationError(
                 f"rig.sensors: {sensor.name} is of kind {sensor.kind}, which a Gazebo package cannot hold; "
                 "give enabled: false"
@@ -250,16 +261,6 @@ def chassis_inertia(figures: RobotConfig) -> Array:
     return figures.chassis_moments - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
 
 
-def _frame(name: str, parent: str, mount: Mount) -> Frame:
-    pose = mount_pose(mount)
-    return Frame(name, parent, _xyz(pose[:3]), _xyz(pose[3:]))
-
-
-def _xyz(values: Array | tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
-
-
 def _rpy(rotation_of: Array) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # gimbal lock: of the many pairs of roll and yaw, any one
@@ -280,7 +281,7 @@ class Shape(NamedTuple):
 
     @property
     def is_box(self) -> bool:
-        """Whether it is a box."""
+        """True for a box."""
         return len(self.size) == 3
 
 

@@ -137,8 +137,8 @@ def _check_steering(rig: Rig) -> None:
     for sensor in (rig.first(Inertial), rig.first(Fix)):
         if not sensor.enabled:
             raise ConfigurationError(
-                f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by the first "
-                f"imu and the first gnss; add {{kind: {sensor.kind}, name: {sensor.name}}}"
+                f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by one; "
+                f"add {{kind: {sensor.kind}, name: {sensor.name}}}"
             )
 
 

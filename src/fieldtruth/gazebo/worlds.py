@@ -81,7 +81,7 @@ AddMesh = Callable[[Part, Surface], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """What becomes a static model: its name in /gazebo/model_states, pose in the world, parts.
+    """A static model: its name in /gazebo/model_states, pose in the world, parts.
 
     ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``.
     """
@@ -446,11 +446,5 @@ def _scene(world: World, *, flat: bool) -> dict[str, Any]:
     light = _LIGHT | {"direction": -sun_direction(sun.azimuth_deg, sun.elevation_deg)}
     if flat:
         light |= {"ambient": np.ones(3), "sky": PALETTE[Label.SKY] / 255}
-    return {
-        "world": world,
-        "flat": flat,
-        "light": light,
-        "geodesy": geodesy,
-        "heading": HEADING_DEG,
-        "gravity": GRAVITY,
-    }
+    where = {"geodesy": geodesy, "heading": HEADING_DEG, "gravity": GRAVITY}
+    return {"world": world, "flat": flat, "light": light, **where}

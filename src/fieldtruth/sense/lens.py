@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Directions of a camera's rays as a table that kernels read, for every lens but the pinhole.
+"""Intrinsics of a camera as kernels read them, and for every lens but the pinhole a table of its rays' directions.
 
 A pinhole's directions are computed where they are needed, which is faster. Other lenses have to be inverted by
 iteration; that is done once.

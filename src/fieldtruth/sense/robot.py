@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot in the scans and images of its own sensors: the same in each, as both move together.
+"""The robot as its own sensors see it: the same in every scan and image, because they move with it.
 
 Its boxes and cylinders are intersected exactly, in double precision and in base_link; see ``kernels.robot``.
 """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keys that the layouts of all environments share, and the plants of the environments as data.
+"""Keys that the layouts of all environments share, and the plants and rocks of the environments as data.
 
 Text and booleans are not accepted as numbers. ``world/data/environments/NAME.yaml`` says which species make up each
 group of plants (``PlantGroup``) and what each swarm is like (``SwarmForm``); the environment's module says where they
@@ -80,7 +80,7 @@ class PlantGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Planting:
-    """Groups of plants, and swarms, of an environment by name, and the corners [m] of its corridors."""
+    """Groups of plants and rocks, and swarms, of an environment by name, and the corners [m] of its corridors."""
 
     groups: Mapping[str, PlantGroup]
     swarms: Mapping[str, SwarmForm]
@@ -101,7 +101,7 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
 
 
 PLANTINGS: Final = Library("environments", _planting, lambda _: ())
-"""Plants and corridors by environment, one data file each."""
+"""Plants, rocks and corridors by environment, one data file each."""
 
 
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:

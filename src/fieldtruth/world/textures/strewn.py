@@ -221,7 +221,7 @@ class Patches(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Soil:
-    """What is seen between pieces: tones from dark to light by a number of 0 to 1, times a ``brightness``."""
+    """Ground between the pieces: tones from dark to light by a number of 0 to 1, times a ``brightness``."""
 
     tones: Tones
     by: Sum

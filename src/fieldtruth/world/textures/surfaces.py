@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves, blades and flowers, without outline, as the mesh gives it; barks; distant woods; rocks; man-made materials.
+"""Leaves, blades and flowers, without outline, as the mesh gives it; barks; distant land; rocks; man-made materials.
 
 A leaf's image is its upper side: u = 0.5 is the midrib, v runs from the stalk (0) to the tip (1). In a blade's image v
 runs from the root (0) to the tip (1), and blades of all tones lie side by side along u, which tiles, so that each blade
@@ -8,8 +8,9 @@ takes its own band. In a frond's image u runs along the frond and v across it, f
 
 On barks and dead wood u runs around the trunk and v along it; a tile is about 0.6 m, a pixel 0.8 to 1.6 mm. Light that
 furrows lose is part of the image (see `hollows`); what grows on bark is added where it is shaded (see
-`kernels.textures`). A tile of distant woods is 24 m, a pixel 4.7 cm: crowns side by side. Rocks, weathered and with
-lichen, have tiles of 1.2 m, planks (grain along u), painted iron, galvanised steel, concrete and glass of 0.5 m.
+`kernels.textures`). A tile of distant woods is 24 m, a pixel 4.7 cm: crowns side by side; a pixel of other distant
+land is 8 cm. Rocks, weathered and with lichen, have tiles of 1.2 m, planks (grain along u), painted iron, galvanised
+steel, concrete, setts and glass of 0.5 m.
 
 ``tones`` are colours (k, 3) from dark to light, ``stain`` that of rust or soil, sRGB 0 to 255; ``lichen`` lists crusts.
 """
@@ -44,7 +45,7 @@ from fieldtruth.world.textures.canvas import (
 LEAF = 256
 BLADE = 128
 N = 512
-"""Pixels along each side of barks, distant woods, rocks and man-made materials."""
+"""Pixels along each side of barks, distant land, rocks and man-made materials."""
 Wave = tuple[float, float, float, float, float]
 """Amplitude of a noise, and its ``low``, ``high``, ``slope`` and ``stretch``."""
 
