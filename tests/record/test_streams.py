@@ -328,7 +328,8 @@ def test_errors_of_reading_bags(tmp_path: Path, bag: Path) -> None:
     with pytest.raises(BagError, match=r"none\.bag"):
         list(read_bag(tmp_path / "none.bag"))
     (tmp_path / "text.bag").write_text("no bag at all")
-    with pytest.raises(BagError, match=r"it is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins with #ROSBAG V2\.0"):
+    kinds = r"it is not an MCAP file, a database of ROS 2 or a ROS 1 bag, which begins with #ROSBAG V2\.0"
+    with pytest.raises(BagError, match=kinds):
         list(read_bag(tmp_path / "text.bag"))
     with pytest.raises(UnknownNameError, match="/imu/data"):
         list(read_bag(bag, ["/imu/date"]))
