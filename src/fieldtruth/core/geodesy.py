@@ -1,30 +1,39 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion between the world frame [m] and WGS 84; the world's origin is at 49.9 deg N, 8.9 deg E, 0 m (paper, 2.2).
+"""Conversion between the world frame [m] and WGS 84.
 
-The world frame is North-West-Up, the plane that touches the ellipsoid in the origin: x north, y west, z up.
+The world frame is North-West-Up, the plane that touches the ellipsoid below the origin: x north, y west, z up. The
+origin of built-in worlds is at 49.9 deg N, 8.9 deg E, 0 m (paper, 2.2).
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import pymap3d
 from numpy.typing import ArrayLike, NDArray
 
-ORIGIN_LATITUDE: Final = 49.9  # [deg]
-ORIGIN_LONGITUDE: Final = 8.9  # [deg]
-ORIGIN_HEIGHT: Final = 0.0  # [m] above the ellipsoid
+
+class Origin(NamedTuple):
+    """Origin of a world frame: latitude and longitude [deg] on WGS 84, and height [m] above its ellipsoid."""
+
+    latitude: float
+    longitude: float
+    height: float
 
 
-def geodetic_from_world(points_world: ArrayLike) -> NDArray[np.float64]:
+PAPER_ORIGIN: Final = Origin(49.9, 8.9, 0.0)
+ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_HEIGHT = PAPER_ORIGIN
+
+
+def geodetic_from_world(points_world: ArrayLike, origin: Origin = PAPER_ORIGIN) -> NDArray[np.float64]:
     """Latitude [deg], longitude [deg] and ellipsoidal height [m], (..., 3), of points (..., 3) in the world frame."""
     x, y, z = np.moveaxis(np.asarray(points_world, np.float64), -1, 0)
-    geodetic = pymap3d.enu2geodetic(-y, x, z, ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_HEIGHT)
+    geodetic = pymap3d.enu2geodetic(-y, x, z, *origin)
     return np.stack([np.asarray(v, np.float64) for v in geodetic], axis=-1)
 
 
-def world_from_geodetic(geodetic: ArrayLike) -> NDArray[np.float64]:
+def world_from_geodetic(geodetic: ArrayLike, origin: Origin = PAPER_ORIGIN) -> NDArray[np.float64]:
     """Points (..., 3) [m] in the world frame of latitude [deg], longitude [deg] and height [m], (..., 3)."""
     latitude, longitude, height = np.moveaxis(np.asarray(geodetic, np.float64), -1, 0)
-    e, n, u = pymap3d.geodetic2enu(latitude, longitude, height, ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_HEIGHT)
+    e, n, u = pymap3d.geodetic2enu(latitude, longitude, height, *origin)
     return np.stack([np.asarray(n, np.float64), -np.asarray(e, np.float64), np.asarray(u, np.float64)], axis=-1)
