@@ -129,7 +129,7 @@ def test_what_is_no_raster_is_one_line(tmp_path: Path) -> None:
 def scanned(path: Path, classes: int = 2) -> Path:
     rng = np.random.default_rng(1)
     east, north = pyproj.Transformer.from_crs(4326, UTM, always_xy=True).transform(PLACE.longitude, PLACE.latitude)
-    xy = rng.uniform(-60.0, 60.0, (120_000, 2)) + (east, north)
+    xy = rng.uniform(-60.0, 60.0, (120_000, 2)) + np.array([east, north])
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.offsets, header.scales = (*xy.min(axis=0), 0.0), (0.001, 0.001, 0.001)
     header.add_crs(pyproj.CRS(UTM))

@@ -7,9 +7,9 @@ its slope is continuous (de Boor 1978; `scipy.ndimage`). Cells without data are 
 distance (GDAL's `fillnodata`), and counted.
 
 A raster's heights are above the ellipsoid if its coordinate reference system says so, or a geoid's otherwise;
-``geoid_height`` is then added. The height of the geoid changes by centimetres over a kilometre, so that one number does.
-A world's x and y are in the plane that touches the ellipsoid at its origin, so a node's latitude and longitude depend on
-its height, by 1e-7 of it within a kilometre: two rounds find both.
+``geoid_height`` is then added. The height of the geoid changes by centimetres over a kilometre, so that one number
+does. A world's x and y are in the plane that touches the ellipsoid at its origin, so a node's latitude and longitude
+depend on its height, by 1e-7 of it within a kilometre: two rounds find both.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ MARGIN: Final = 4
 """Cells read beyond the edge of a world, so that the spline there knows how the ground goes on."""
 _GROUND: Final = 2  # class of ground in LAS 1.1 and later (ASPRS)
 _LATTICE: Final = 16.0
-"""Distance [m] between the positions whose coordinates are converted; between them a spline is exact to a micrometre."""
+"""Distance [m] between the positions that are converted; between them a spline is exact to a micrometre."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +134,8 @@ def read_raster(
         with rasterio.open(path) as dataset:
             system = _crs(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
             low, high = _covered(path, dataset, system, origin, size)
-            if np.prod(high - low) > MOST_CELLS:
-                raise ConfigurationError(
-                    f"{path}: the world covers {np.prod(high - low):,} cells, more than {MOST_CELLS:,}; make size smaller"
-                )
+            if (cells := np.prod(high - low)) > MOST_CELLS:
+                raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
             heights = dataset.read(1, window=window, masked=True).astype(np.float64)
             transform, unit = dataset.window_transform(window), _metres(dataset.units[0])
@@ -162,10 +160,8 @@ def _covered(
     columns, rows = ~dataset.transform @ (np.asarray(east), np.asarray(north))
     cells, shape = np.stack([rows, columns], axis=-1), np.array(dataset.shape)
     if not np.isfinite(cells).all() or (cells < 0.0).any() or (cells > shape).any():
-        box = f"{origin.latitude:.6f}, {origin.longitude:.6f}"
-        raise ConfigurationError(
-            f"{path}: the raster does not cover the world of {size[0]:g} m x {size[1]:g} m about {box} (latitude, longitude)"
-        )
+        world = f"{size[0]:g} m x {size[1]:g} m about {origin.latitude:.6f}, {origin.longitude:.6f}"
+        raise ConfigurationError(f"{path}: the raster does not cover the world of {world} (latitude, longitude)")
     low, high = np.floor(cells.min(axis=0)) - MARGIN, np.ceil(cells.max(axis=0)) + MARGIN
     return np.maximum(low, 0).astype(int), np.minimum(high, shape).astype(int)
 
@@ -239,47 +235,58 @@ def read_ground_points(
     reference: Reference | None = None,
     geoid_height: float | None = None,
 ) -> Elevation:
-    """Read the ground points (class 2) of a LAS or LAZ file, as the mean height in cells with two or more of them.
+    """Read the ground points (class 2) of a LAS or LAZ file, as the mean height in cells of two points on average.
 
     Arguments and errors are those of ``read_raster``; a file without points of the class is refused as well.
     """
-    import laspy
     from rasterio.transform import from_origin
 
-    try:
-        with laspy.open(path) as reader:
-            header = reader.header
-            if header.point_count > MOST_POINTS:
-                raise ConfigurationError(
-                    f"{path}: {header.point_count:,} points, more than {MOST_POINTS:,}; cut the file"
-                )
-            found = header.parse_crs()
-            system = _crs(path, crs, found.to_wkt() if found is not None else None)
-            chunks = [
-                np.stack([p.x, p.y, p.z], axis=-1)[np.asarray(p.classification) == _GROUND]
-                for p in reader.chunk_iterator(2_000_000)
-            ]
-    except (laspy.errors.LaspyException, OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
-    points = np.concatenate([np.zeros((0, 3)), *chunks])
-    if not len(points):
-        raise ConfigurationError(
-            f"{path}: no point has the class 2, ground; classify it first, with PDAL's filters.smrf for example"
-        )
-    extent = np.ptp(points[:, :2], axis=0)
-    spacing = max(0.25, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(extent) / len(points))) / 8.0))
+    points, system = _ground_points(path, crs)
+    middle, reach = _on_the_map(system, origin), float(np.hypot(*size)) / 2.0 + 20.0
+    points = points[(np.abs(points[:, :2] - middle) <= reach).all(axis=1)]
+    if len(points) < 2:
+        raise ConfigurationError(f"{path}: no ground points within {reach:.0f} m of the world's centre")
+    spacing = max(0.25, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0))
     west, north = points[:, 0].min() - spacing / 2, points[:, 1].max() + spacing / 2
     column, row = ((points[:, 0] - west) // spacing).astype(int), ((north - points[:, 1]) // spacing).astype(int)
     shape = int(row.max()) + 1, int(column.max()) + 1
-    if shape[0] * shape[1] > MOST_CELLS:
-        raise ConfigurationError(
-            f"{path}: its ground points make {shape[0] * shape[1]:,} cells, more than {MOST_CELLS:,}; cut the file"
-        )
-    cell = row * shape[1] + column
-    count = np.bincount(cell, minlength=shape[0] * shape[1]).reshape(shape)
-    total = np.bincount(cell, points[:, 2], minlength=shape[0] * shape[1]).reshape(shape)
+    cell, cells = row * shape[1] + column, shape[0] * shape[1]
+    count = np.bincount(cell, minlength=cells).reshape(shape)
+    mean = np.bincount(cell, points[:, 2], minlength=cells).reshape(shape) / np.maximum(count, 1)
     above, factor, note = _reference(system, reference, geoid_height)
-    heights = total / np.maximum(count, 1) * factor + above
+    filled = _without_voids(path, mean * factor + above, count == 0)
     transform = from_origin(west, north, spacing, spacing)
-    filled = _without_voids(path, heights, count == 0)
     return Elevation(path, system, filled, count == 0, transform, _resolution(system, transform, shape), note)
+
+
+def _ground_points(path: Path, crs: str | None) -> tuple[Array, Any]:
+    """Ground points (n, 3) in the coordinates of a file, and its coordinate reference system."""
+    import laspy
+
+    chunks = [np.zeros((0, 3))]
+    try:
+        with laspy.open(path) as reader:
+            if (count := reader.header.point_count) > MOST_POINTS:
+                raise ConfigurationError(f"{path}: {count:,} points, more than {MOST_POINTS:,}; cut the file")
+            found = reader.header.parse_crs()
+            for points in reader.chunk_iterator(2_000_000):
+                ground = points[np.asarray(points.classification) == _GROUND]
+                chunks.append(np.stack([ground.x, ground.y, ground.z], axis=-1))
+    except (laspy.errors.LaspyException, OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
+    system = _crs(path, crs, found.to_wkt() if found is not None else None)
+    if not system.is_projected:
+        raise ConfigurationError(f"{path}: {system.name} has degrees; laser points need a projected one, in metres")
+    if not sum(map(len, chunks)):
+        raise ConfigurationError(
+            f"{path}: no point has the class 2, ground; classify it first, with PDAL's filters.smrf for example"
+        )
+    return np.concatenate(chunks), system
+
+
+def _on_the_map(crs: Any, origin: Origin) -> tuple[float, float]:
+    """Coordinates of a world's origin in a coordinate reference system."""
+    from pyproj import Transformer
+
+    east, north = Transformer.from_crs(4326, crs, always_xy=True).transform(origin.longitude, origin.latitude)
+    return float(east), float(north)
