@@ -242,12 +242,19 @@ def relief_spacing(x: Array, y: Array) -> float:
 
 
 def with_microrelief(
-    hills: Array, coarse: Axes, fine: Axes, cover: Sequence[tuple[Roughness, ArrayLike]], rng: np.random.Generator
+    hills: Array,
+    coarse: Axes,
+    fine: Axes,
+    cover: Sequence[tuple[Roughness, ArrayLike]],
+    rng: np.random.Generator,
+    *,
+    lowest: float = 0.0,
 ) -> Array:
     """Heights [m] at the nodes of axes ``fine``: a cubic spline through ``hills`` at those of ``coarse``, and relief.
 
     ``cover`` has the share of each kind of ground at the nodes of ``coarse``; amplitudes are mixed, not powers. The
     relief is made with nodes ``SPACING`` apart, whatever ``fine`` is: a coarser terrain is a sample of a finer one.
+    ``lowest`` [cycles/m] is the least spatial frequency of the relief, where ``hills`` have all that is below.
     """
     own = relief_axes(*coarse)
     relief = np.zeros([len(axis) for axis in own])
@@ -257,7 +264,7 @@ def with_microrelief(
         for roughness, share in cover:
             if roughness.waviness == waviness:
                 amplitude += np.sqrt(roughness.unevenness) * np.asarray(share, np.float64)
-        noise = shaped(white, relief_spacing(*coarse), waviness)[: relief.shape[0], : relief.shape[1]]
+        noise = shaped(white, relief_spacing(*coarse), waviness, lowest)[: relief.shape[0], : relief.shape[1]]
         relief += RectBivariateSpline(*coarse, amplitude, kx=1, ky=1)(*own) * noise
     heights = RectBivariateSpline(*coarse, hills)(*fine)
     return np.asarray(heights + RectBivariateSpline(*own, relief, kx=1, ky=1)(*fine))
@@ -268,11 +275,11 @@ def white_noise(shape: tuple[int, ...], rng: np.random.Generator) -> Float32Arra
     return rng.standard_normal([fft.next_fast_len(n, real=True) for n in shape], dtype=np.float32)
 
 
-def shaped(white: Float32Array, spacing: float, waviness: float) -> Float32Array:
+def shaped(white: Float32Array, spacing: float, waviness: float, lowest: float = 0.0) -> Float32Array:
     """White noise filtered to heights [m] of unit unevenness, Gd(n0) = 1 m^3; periodic over the array."""
     nx, ny = white.shape
     q = np.hypot(fft.fftfreq(nx, spacing)[:, None], fft.rfftfreq(ny, spacing)).astype(np.float32)
-    inside = (q >= BAND[0]) & (q <= min(BAND[1], 0.5 / spacing))
+    inside = (q >= max(BAND[0], lowest)) & (q <= min(BAND[1], 0.5 / spacing))
     q[~inside] = 1.0
     level = REFERENCE_FREQUENCY**waviness / (2.0 * beta(0.5, waviness / 2.0))
     gain = np.where(inside, np.float32(np.sqrt(level) / spacing) * q ** np.float32(-(waviness + 1.0) / 2.0), 0.0)
