@@ -23,8 +23,7 @@ range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.special import gamma
-from scipy.special import ndtr
+from scipy.special import gamma, ndtr
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.light_config import WeatherConfig
