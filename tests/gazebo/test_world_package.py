@@ -128,14 +128,12 @@ def test_numbers_of_obj_files_are_the_shortest_of_nine_digits() -> None:
     )
     lines = [line.split() for line in obj_text(surface, "bark.mtl").decode().splitlines()]
     texts = [word for key, *words in lines if key in ("v", "vt", "vn") for word in words]
-    assert texts == ["%.9g" % float(text) for text in texts]
+    assert texts == [f"{float(text):.9g}" for text in texts]
     assert {"0", "1e-05", "-9e-05", "0.0001", "-1.00001", "10", "12.00003"} <= set(texts)
     read = np.array([words for key, *words in lines if key == "v"], np.float64)
     rows = np.array([[int(word.split("/")[0]) for word in words] for key, *words in lines if key == "f"])
-    np.testing.assert_array_equal(
-        np.sort(read[rows - 1].reshape(-1, 3), axis=0),
-        np.sort(surface.vertices.astype(np.float64).round(5) + 0.0, axis=0),
-    )
+    expected = surface.vertices.astype(np.float64).round(5)
+    np.testing.assert_array_equal(np.sort(read[rows - 1].reshape(-1, 3), axis=0), np.sort(expected, axis=0))
 
 
 def test_members_of_swarms_that_share_files_are_the_same_triangles(
