@@ -298,9 +298,9 @@ def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDAr
         one, other = np.roll(key[:-1], i, axis=1), np.roll(key[1:], j, axis=1)
         turns[(one[:, 0] == other[:, 0]) & (one[:, 2] == other[:, 1])] = 3 * i + j
     rows = np.flatnonzero(turns >= 0)
-    i, j = np.divmod(turns[rows], 3)
-    first = corners[rows[:, None], (np.arange(3) - i[:, None]) % 3]
-    pairs = np.concatenate([first, corners[rows + 1, (2 - j) % 3][:, None]], axis=1)
+    turn, turn_next = np.divmod(turns[rows], 3)
+    first = corners[rows[:, None], (np.arange(3) - turn[:, None]) % 3]
+    pairs = np.concatenate([first, corners[rows + 1, (2 - turn_next) % 3][:, None]], axis=1)
     a, b, c, d = np.moveaxis(points[pairs[..., 0]], 1, 0)
     fits = turns >= 0
     fits[rows] = np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
