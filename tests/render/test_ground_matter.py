@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear

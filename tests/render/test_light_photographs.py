@@ -7,8 +7,8 @@ import pytest
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig, Preset
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
 from fieldtruth.render.daylight import LUMINANCE
