@@ -120,6 +120,22 @@ def test_a_multipolygon_of_two_ways_has_its_hole_and_its_island(tmp_path: Path) 
     assert not shapely.LinearRing(found.features[0].holes[0]).is_ccw
 
 
+def test_an_outline_with_the_tags_of_its_multipolygon_is_no_second_area_without_the_hole(tmp_path: Path) -> None:
+    sketch = Sketch()
+    outer = sketch.way([(-20, -20), (20, -20), (20, 20), (-20, 20)], {"building": "yes"}, closed=True)
+    inner = sketch.way(SQUARE, {"landuse": "grass", "building": "yes"}, closed=True)  # within it, something else
+    sketch.relation([(outer, "outer"), (inner, "inner")], {"type": "multipolygon", "building": "school"})
+    lonely = sketch.way([(30, 0), (40, 0), (40, 9)], {"building": "yes"}, closed=True)
+    sketch.relation([(lonely, "outer"), (901, "outer")], {"type": "multipolygon", "building": "yes"})  # incomplete
+    found = sketch.read(tmp_path).features
+    assert [(f.kind, len(f.holes), f.source.split("/")[0]) for f in found] == [
+        ("building", 1, "relation"),
+        ("building", 0, "way"),
+        ("building", 0, "way"),
+    ]
+    assert [area(f) for f in found] == pytest.approx([1200.0, 400.0, 45.0], abs=1.0)
+
+
 def test_a_hole_that_crosses_the_edge_is_cut_with_its_area(tmp_path: Path) -> None:
     sketch = Sketch()
     outer = sketch.way([(-90, -20), (0, -20), (0, 20), (-90, 20)], {}, closed=True)

@@ -169,6 +169,9 @@ class _Found:
         self.broken: set[str] = set()  # sources
         self.outlines: dict[str, set[int]] = {}  # ways of the areas that there should be
         self.assembled: set[str] = set()
+        self.repeated: dict[
+            tuple[str, str], str
+        ] = {}  # areas by kind and way on the outline of another, which has holes
 
     def add(self, each: Any) -> None:
         """Take an object of osmium that has a key of the table."""
@@ -181,9 +184,10 @@ class _Found:
             self._add_way(each, tags)
         elif each.is_area():
             self._add_area(each, tags)
-        elif tags.get("type") == "multipolygon" and kind_of(tags, "area"):
-            source = f"relation/{_real(each.id)}"
-            self.outlines[source] = {member.ref for member in each.members if member.type == "w"}
+        elif tags.get("type") == "multipolygon" and (found := kind_of(tags, "area")):
+            ways, source = [m for m in each.members if m.type == "w"], f"relation/{_real(each.id)}"
+            self.outlines[source] = {way.ref for way in ways}
+            self.repeated |= {(found[0].name, f"way/{_real(m.ref)}"): source for m in ways if m.role != "inner"}
 
     def unused(self) -> set[int]:
         """Ids of the ways of areas that osmium did not assemble: they lack nodes or ways, or cross themselves."""
@@ -195,8 +199,12 @@ class _Found:
         self.broken |= {s for s, ids in self.outlines.items() if s not in self.assembled and ids & near}
 
     def sorted(self) -> list[Feature]:
-        """Areas, lines and points."""
-        return [feature for _, feature in sorted(self.features, key=lambda pair: pair[0])]
+        """Areas, lines and points; a way on the outline of a multipolygon of the same kind is no area again."""
+        return [
+            feature
+            for _, feature in sorted(self.features, key=lambda pair: pair[0])
+            if not (feature.closed and self.repeated.get((feature.kind, feature.source)) in self.assembled)
+        ]
 
     def _add_node(self, node: Any, tags: dict[str, str]) -> None:
         if (kind := kind_of(tags, "point")) is None or not node.location.valid():
