@@ -140,7 +140,9 @@ def test_trees_elsewhere_and_nowhere_are_counted(tmp_path: Path) -> None:
     xy = [(0.0, 39.9), (0.0, 40.1), (51.0, 0.0), (-4e6, 6e6)]
     path = table(tmp_path / "a.csv", "lon,lat,height", ["5"] * 4, coordinates(xy=np.array([*xy[:3], (9.0, 9.0)])))
     text = path.read_text().splitlines()
-    path.write_text("\n".join([*text[:4], "-168.7,-47.6,5", ",,5", "180,91,5"]))  # the antipode, and beyond the pole
+    path.write_text(
+        "\n".join([*text[:4], "-168.7,-47.6,5", ",,5", "180,91,5"])
+    )  # far away, nowhere, and beyond the pole
     read = read_inventory(path, PLACE, SIZE)
     assert_at(read.trees, xy[:1])
     assert read.outside == 4

@@ -127,6 +127,12 @@ def test_bare_and_low_and_even_ground_has_no_trees() -> None:
     assert find_trees(Canopy(Path("a"), low, grid, (SIDE, SIDE))) == []
 
 
+def test_a_crown_ends_in_the_scrub_about_it() -> None:
+    tree = np.array([(0.0, 0.0, 7.0, 1.5, 0.0), (0.0, 0.0, 3.0, 60.0, 1.0)])  # the scrub is a wide, flat cone
+    found = find_trees(canopy(tree, 0.25))
+    assert [each.crown_radius for each in found] == [pytest.approx(0.6 * 7.0, rel=0.02)]  # the widest of its height
+
+
 def test_trees_beyond_the_world_are_left_out() -> None:
     trees = np.array([(49.0, 0.0, 15.0, 2.0, 0.0), (51.0, 10.0, 15.0, 2.0, 0.0)])
     assert [round(t.x) for t in find_trees(canopy(trees, reach=60.0))] == [49]

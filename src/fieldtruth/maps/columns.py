@@ -74,7 +74,7 @@ def found_columns(path: Path, columns: Sequence[str], given: dict[str, str]) -> 
 
 
 def numbers(values: Sequence[Any]) -> tuple[Array, list[int]]:
-    """Numbers (n,) of cells, NaN where there is none, and the rows of those that are neither numbers nor empty."""
+    """Numbers (n,) of cells, NaN where it is empty, and the rows of those that are neither numbers nor empty."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
         return values.astype(np.float64), []
     found, wrong = np.full(len(values), np.nan), []

@@ -171,7 +171,7 @@ def _few(path: Path, rows: int) -> None:
 
 
 def _places(path: Path, table: _Table, found: Mapping[str, str], crs: str | None) -> tuple[Array, str]:
-    """Coordinates (n, 2), NaN where there are none, and their coordinate reference system."""
+    """Coordinates (n, 2), NaN where they are missing, and their coordinate reference system."""
     if table.places is not None:
         system = crs or table.crs
         places = table.places
@@ -208,7 +208,7 @@ def _pair(path: Path, table: _Table, first: str, second: str) -> Array:
 
 
 def _world(path: Path, places: Array, crs: str, origin: Origin) -> Array:
-    """World x and y (n, 2) [m] of coordinates, NaN where there are none."""
+    """World x and y (n, 2) [m] of coordinates, NaN where they are missing."""
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
@@ -222,7 +222,6 @@ def _world(path: Path, places: Array, crs: str, origin: Origin) -> Array:
     degrees = np.column_stack([latitude, longitude])
     degrees[~np.isfinite(degrees).all(axis=1) | (np.abs(degrees[:, 0]) > 90.0)] = np.nan
     world = world_from_geodetic(np.column_stack([degrees, np.full(len(degrees), origin.height)]), origin)
-    world[world[:, 2] < -1e5] = np.inf  # far away, or on the other side of the Earth, below the world
     world[~np.isfinite(places).all(axis=1)] = np.nan
     world[np.isfinite(places).all(axis=1) & np.isnan(world).any(axis=1)] = np.inf
     return world[:, :2]
@@ -248,7 +247,7 @@ def _nowhere(
 def _lengths(
     path: Path, table: _Table, found: Mapping[str, str], quantity: str, inside: Any, notes: list[str]
 ) -> Array:
-    """Lengths (n,) [m] of a quantity, NaN where there is none; 0 and less is none.
+    """Lengths (n,) [m] of a quantity, NaN where it is missing, or 0 or less.
 
     Raises:
         ConfigurationError: a tree within the world has a length that no tree has.

@@ -37,7 +37,7 @@ _SMOOTHED: Final = 0.3
 
 
 class Tree(NamedTuple):
-    """A tree of a map; what a map does not say is None."""
+    """A tree of a map; what a map leaves out is missing, as None."""
 
     x: float
     """Position [m] in the world frame."""
@@ -76,14 +76,14 @@ def find_trees(
     tops = _tops(smooth, matrix, np.array(crown_width), lowest)
     if not len(tops):
         return []
-    areas = _crown_areas(smooth, matrix, tops, lowest) * canopy.cell_area
+    height = maximum_filter(canopy.heights, size=3).ravel()[tops]
+    areas = _crown_areas(smooth, matrix, tops, height, lowest) * canopy.cell_area
     rows, columns = np.unravel_index(tops, smooth.shape)
     places = canopy.world_from_cell @ np.stack([rows, columns, np.ones(len(tops))])
-    heights = maximum_filter(canopy.heights, size=3).ravel()[tops]
     inside = np.all(np.abs(places) <= np.array(canopy.size)[:, None] / 2, axis=0)
     return [
         Tree(float(x), float(y), float(h), float(np.sqrt(area / np.pi)), None, None)
-        for (x, y), h, area, kept in zip(places.T, heights, areas, inside, strict=True)
+        for (x, y), h, area, kept in zip(places.T, height, areas, inside, strict=True)
         if kept
     ]
 
@@ -121,13 +121,13 @@ def _offsets(matrix: Array, radius: float) -> tuple[Index, Array]:
     return offsets[order], distances[order]
 
 
-def _crown_areas(heights: Float32Array, matrix: Array, tops: Index, lowest: float) -> Array:
-    """Number of cells (n,) of the crown of each top."""
+def _crown_areas(heights: Float32Array, matrix: Array, tops: Index, height: Float32Array, lowest: float) -> Array:
+    """Number of cells (n,) of the crown of each top, a tree of that height [m]."""
     inside = heights >= lowest
     tree = _watershed(heights, inside, tops)
     cells = np.flatnonzero(tree >= 0)
     tree = tree[cells]
-    top = heights.ravel()[tops][tree]
+    top = height[tree]
     step = np.array(np.divmod(cells, heights.shape[1])) - np.array(np.divmod(tops, heights.shape[1]))[:, tree]
     crown = (heights.ravel()[cells] >= _EXCLUDED * top) & (np.hypot(*(matrix @ step)) <= _WIDEST * top)
     return np.bincount(tree[crown], minlength=len(tops)).astype(np.float64)
