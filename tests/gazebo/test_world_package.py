@@ -303,9 +303,7 @@ def test_packages_of_the_environments_are_valid_and_small(environment: str, tmp_
         package = tmp_path / "out" / flavour
         world_file, plain = (package / "worlds" / name.replace("small", environment) for name in FILES[flavour])
         models = sorted(package.glob("models/*/model.sdf"))
-        twins = (
-            [plain] if environment == "park" else []
-        )  # they differ in colours only, and a small one is checked above
+        twins = [plain] if environment == "park" else []  # differs in colours only; a small one is checked above
         for file in [world_file, *twins, *models[:: len(models) // 3]]:
             assert complaints(file) == ""
     sizes = [sum(path.stat().st_size for path in (tmp_path / "out" / f).rglob("*") if path.is_file()) for f in FILES]
