@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from filelock import FileLock
-from kept_worlds import Kept
+from kept_worlds import KEPT, Kept
 from many_sensors import many_rig
 from numpy.random import Generator
 from small_park import in_small_park
@@ -128,7 +128,7 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def kept() -> Kept:
     """Worlds, scenes, light and second tracers, each made once."""
-    return Kept()
+    return KEPT
 
 
 @pytest.fixture(scope="session")
