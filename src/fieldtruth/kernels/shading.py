@@ -21,7 +21,6 @@ from fieldtruth.kernels.gbuffer import (
     GLOSS,
     GREEN,
     LIGHT,
-    MESH_PASSES,
     MIRROR,
     NX,
     NY,
@@ -31,7 +30,6 @@ from fieldtruth.kernels.gbuffer import (
     TERRAIN_PASSES,
     TRACE_SUN,
     Scratch,
-    mesh_gbuffer,
     new_scratch,
     terrain_gbuffer,
 )
@@ -47,6 +45,7 @@ from fieldtruth.kernels.light import (
     sky_radiance,
     sun_share,
 )
+from fieldtruth.kernels.mesh_gbuffer import MESH_PASSES, mesh_gbuffer
 from fieldtruth.kernels.packets import (
     TERRAIN,
     Grid,
@@ -65,7 +64,7 @@ PASSES: Final = (
     "shadows of the sun on wood, rock and furniture",
     "sun, sky, translucency, highlights",
 )
-"""What ``shade_hits`` computes one after another."""
+"""Passes of ``shade_hits``, in their order."""
 REFRACTION: Final = 1.0 / 1.333
 """Refractive index of air over that of water."""
 ABSORPTION: Final = np.array([1.3, 0.75, 0.95], np.float32)
