@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drift of KISS-ICP over seeds of a world, beside point-to-plane registration of the same clouds: a table of docs/slam.md.
+"""Drift of KISS-ICP over seeds of a world, and of point-to-plane registration of the same clouds: docs/slam.md.
 
 Run: python benchmarks/registration.py [--env hillside] [--seeds 1 ... 10] [--seconds 20] [--out DIR]
 
@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from kiss_icp.config import load_config
 from kiss_icp.kiss_icp import KissICP
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -68,7 +69,8 @@ def drive_of(environment: str, seed: int, length_s: float, out: Path) -> Drive:
         xyz = np.stack([rows[axis] for axis in "xyz"], axis=1).astype(np.float64)
         clouds.append(xyz[np.isfinite(xyz).all(axis=1)])
         poses.append(run.trajectory.world_from_base(reading.stamp_ns) @ sensor.base_from_sensor)
-    return Drive(clouds, np.linalg.inv(poses[0]) @ np.array(poses))
+    relative: Array = np.linalg.inv(poses[0]) @ np.array(poses)
+    return Drive(clouds, relative)
 
 
 def aligned_error(found: Array, true: Array) -> float:
@@ -95,11 +97,12 @@ def kiss(drive: Drive, voxel: float | None = None, true_guess: bool = False) -> 
 # Point to plane
 
 
-def thinned(cloud: Array, voxel: float = VOXEL) -> Array:
-    """One point (m, 3) of each voxel, within reach."""
-    near = cloud[(cloud**2).sum(axis=1) < REACH**2]
-    _, first = np.unique(np.floor(near / voxel).astype(np.int64), axis=0, return_index=True)
-    return near[first]
+def thinned(cloud: Array, voxel: float) -> Array:
+    """One point (m, 3) of each voxel."""
+    index = np.floor((cloud - cloud.min(axis=0)) / voxel).astype(np.int64)
+    _, first = np.unique((index[:, 0] << 40) + (index[:, 1] << 20) + index[:, 2], return_index=True)
+    thin: Array = cloud[first]
+    return thin
 
 
 def moved(pose: Array, cloud: Array) -> Array:
@@ -112,13 +115,14 @@ class Planes:
     """Planes through the neighbours of each point of a map."""
 
     def __init__(self, clouds: Sequence[Array]) -> None:
-        self.points = thinned(np.concatenate(clouds) - clouds[-1].mean(axis=0)) + clouds[-1].mean(axis=0)
+        self.points = thinned(np.concatenate(clouds), VOXEL)
         self.tree = cKDTree(self.points)
 
-    def of(self, places: Array) -> tuple[Array, Array, Array]:
+    def of(self, places: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Middles and normals (m, 3) of the planes next to places (n, 3), and which have one (n,)."""
-        far, rows = self.tree.query(places, NEIGHBOURS, distance_upper_bound=1.0)
-        known = np.isfinite(far).all(axis=1)
+        found = self.tree.query(places, NEIGHBOURS, distance_upper_bound=1.0)
+        far, rows = np.asarray(found[0]), np.asarray(found[1])
+        known: NDArray[np.bool_] = np.isfinite(far).all(axis=1)
         near = self.points[rows[known]]
         middle = near.mean(axis=1)
         spread = np.einsum("nki,nkj->nij", near - middle[:, None], near - middle[:, None])
@@ -150,12 +154,13 @@ def registered(cloud: Array, planes: Planes, guess: Array) -> Array:
 def point_to_plane(drive: Drive, true_map: bool) -> Iterator[Array]:
     """Poses (4, 4) of each cloud: against the clouds before it, at the poses found or at the true ones."""
     yield (pose := np.eye(4))
-    motion, known = np.eye(4), [moved(pose, drive.clouds[0])]
-    for k in range(1, len(drive.clouds)):
+    near = [thinned(cloud[(cloud**2).sum(axis=1) < REACH**2], VOXEL) for cloud in drive.clouds]
+    motion, known = np.eye(4), [near[0]]
+    for k in range(1, len(near)):
         guess = drive.poses[k] if true_map else pose @ motion
-        found = registered(drive.clouds[k], Planes(known[-SCANS:]), guess)
+        found = registered(near[k], Planes(known[-SCANS:]), guess)
         motion, pose = np.linalg.inv(pose) @ found, found
-        known.append(moved(drive.poses[k] if true_map else pose, drive.clouds[k]))
+        known.append(moved(drive.poses[k] if true_map else pose, near[k]))
         yield pose
 
 

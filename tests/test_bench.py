@@ -35,6 +35,8 @@ from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.model import World
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 EXPERIMENT = in_small_park(rig=RIG)
 FIGURES = (
     *("lidar_mrays_per_s", "lidar_bare_mrays_per_s", "lidar_over_bare"),
