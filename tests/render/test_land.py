@@ -5,8 +5,8 @@
 import numpy as np
 import pytest
 
+from fieldtruth.kernels.gbuffer import FADES, near_edge
 from fieldtruth.kernels.light import MaterialTable
-from fieldtruth.kernels.mesh_gbuffer import FADES, near_edge
 from fieldtruth.kernels.textures import is_steep
 from fieldtruth.render.materials import material_table
 from fieldtruth.world.build import load_world

@@ -21,6 +21,7 @@ from fieldtruth.kernels.gbuffer import (
     GLOSS,
     GREEN,
     LIGHT,
+    MESH_PASSES,
     MIRROR,
     NX,
     NY,
@@ -30,6 +31,7 @@ from fieldtruth.kernels.gbuffer import (
     TERRAIN_PASSES,
     TRACE_SUN,
     Scratch,
+    mesh_gbuffer,
     new_scratch,
     terrain_gbuffer,
 )
@@ -45,7 +47,6 @@ from fieldtruth.kernels.light import (
     sky_radiance,
     sun_share,
 )
-from fieldtruth.kernels.mesh_gbuffer import MESH_PASSES, mesh_gbuffer
 from fieldtruth.kernels.packets import (
     TERRAIN,
     Grid,
