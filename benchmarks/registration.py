@@ -12,7 +12,7 @@ are used again.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -32,11 +32,11 @@ from fieldtruth.exporters.slam_configs import read_facts
 from fieldtruth.pipeline import generate
 
 TOPIC: Final = "/os1_cloud_node/points"
-VOXEL: Final = 0.2
-"""Side [m] of the voxels that clouds are thinned with, one point in each."""
+VOXEL, SPARSE = 0.25, 0.5
+"""Sides [m] of the voxels that maps and clouds are thinned with, one point in each."""
 REACH: Final = 40.0
 """Range [m] of the points that are registered."""
-SCANS: Final = 40
+SCANS: Final = 25
 """Clouds in the map."""
 NEIGHBOURS: Final = 12
 """Points that a plane goes through."""
@@ -44,7 +44,9 @@ FLAT: Final = 0.05
 """Planes have a smaller variance across than this share of the middle one; grass, leaves and single rings have none."""
 FAR: Final = 0.3
 """Distance [m] from a plane above which a point belongs to something else."""
-ROUNDS: Final = 12
+ROUNDS: Final = 8
+EVERY: Final = 5
+"""Clouds from one that is registered in the map at the true poses to the next."""
 
 
 class Drive(NamedTuple):
@@ -69,8 +71,7 @@ def drive_of(environment: str, seed: int, length_s: float, out: Path) -> Drive:
         xyz = np.stack([rows[axis] for axis in "xyz"], axis=1).astype(np.float64)
         clouds.append(xyz[np.isfinite(xyz).all(axis=1)])
         poses.append(run.trajectory.world_from_base(reading.stamp_ns) @ sensor.base_from_sensor)
-    relative: Array = np.linalg.inv(poses[0]) @ np.array(poses)
-    return Drive(clouds, relative)
+    return Drive(clouds, np.asarray(np.linalg.inv(poses[0]) @ np.array(poses), np.float64))
 
 
 def aligned_error(found: Array, true: Array) -> float:
@@ -134,7 +135,7 @@ class Planes:
 
 def registered(cloud: Array, planes: Planes, guess: Array) -> Array:
     """Pose (4, 4) of a cloud whose points lie in the planes of a map."""
-    pose, thin = guess, thinned(cloud, 2 * VOXEL)
+    pose, thin = guess, thinned(cloud, SPARSE)
     for _ in range(ROUNDS):
         here = moved(pose, thin)
         middle, normal, known = planes.of(here)
@@ -146,22 +147,38 @@ def registered(cloud: Array, planes: Planes, guess: Array) -> Array:
         pose = pose.copy()
         pose[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3]
         pose[:3, 3] += step[3:]
-        if np.linalg.norm(step) < 1e-5:
+        if np.linalg.norm(step) < 1e-4:
             break
     return pose
 
 
-def point_to_plane(drive: Drive, true_map: bool) -> Iterator[Array]:
-    """Poses (4, 4) of each cloud: against the clouds before it, at the poses found or at the true ones."""
-    yield (pose := np.eye(4))
-    near = [thinned(cloud[(cloud**2).sum(axis=1) < REACH**2], VOXEL) for cloud in drive.clouds]
-    motion, known = np.eye(4), [near[0]]
-    for k in range(1, len(near)):
-        guess = drive.poses[k] if true_map else pose @ motion
-        found = registered(near[k], Planes(known[-SCANS:]), guess)
-        motion, pose = np.linalg.inv(pose) @ found, found
-        known.append(moved(drive.poses[k] if true_map else pose, near[k]))
-        yield pose
+def point_to_plane(drive: Drive) -> Array:
+    """Poses (k, 4, 4) of each cloud against those before it, at the poses that were found; the motion goes on."""
+    near = near_of(drive)
+    poses, motion, known = [np.eye(4)], np.eye(4), [near[0]]
+    for cloud in near[1:]:
+        found = registered(cloud, Planes(known[-SCANS:]), poses[-1] @ motion)
+        motion = np.linalg.inv(poses[-1]) @ found
+        poses.append(found)
+        known.append(moved(found, cloud))
+    return np.array(poses)
+
+
+def offsets(drive: Drive) -> Array:
+    """Distances [m] from the true positions at which clouds fit best to those before them, at their true poses."""
+    near = near_of(drive)
+    known = [moved(pose, cloud) for pose, cloud in zip(drive.poses, near, strict=True)]
+    rows = range(SCANS, len(near), EVERY)
+    found = [registered(near[k], Planes(known[k - SCANS : k]), drive.poses[k]) for k in rows]
+    off: Array = np.linalg.norm(
+        [pose[:3, 3] - drive.poses[k, :3, 3] for k, pose in zip(rows, found, strict=True)], axis=1
+    )
+    return off
+
+
+def near_of(drive: Drive) -> list[Array]:
+    """Clouds within reach, thinned."""
+    return [thinned(cloud[(cloud**2).sum(axis=1) < REACH**2], VOXEL) for cloud in drive.clouds]
 
 
 def main() -> None:
@@ -178,9 +195,8 @@ def main() -> None:
         true = drive.poses[:, :3, 3]
         path = float(np.linalg.norm(np.diff(true, axis=0), axis=1).sum())
         row = [aligned_error(kiss(drive, *how)[:, :3, 3], true) for how in ((), (None, True), (0.5,))]
-        row.append(aligned_error(np.array(list(point_to_plane(drive, False)))[:, :3, 3], true))
-        found = np.array(list(point_to_plane(drive, True)))[:, :3, 3]
-        row.append(float(np.sqrt(((found - true) ** 2).sum(axis=1).mean())))
+        row.append(aligned_error(point_to_plane(drive)[:, :3, 3], true))
+        row.append(float(np.sqrt((offsets(drive) ** 2).mean())))
         print(f"| {seed} | {path:.2f} | " + " | ".join(f"{value:.3f}" for value in row) + " |", flush=True)
 
 
