@@ -28,7 +28,7 @@ from views import poses_on_route
 
 import fieldtruth as ft
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, LightTable, sky_radiance
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.bake import BakedScene, bake

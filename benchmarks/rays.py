@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bare Embree on the rays of camera and LiDAR in the park in every packet mode, and ``Scene.cast`` beside it.
 
-Run: python benchmarks/rays.py [cast]; with ``cast``, the latter alone: a million random rays from NumPy.
+Run: python benchmarks/rays.py [cast] [--millions N]; with ``cast``, the latter alone: N * 2^20 random rays from NumPy.
 Bare Embree has them in packet order already and keeps the distance only.
 """
 
@@ -24,7 +24,6 @@ from fieldtruth.sensors.camera.sensor import pixel_directions
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 VIEWS, TRIES = 6, 3
-RANDOM = 1 << 20
 LANES = packets.LANES
 _OX, _OY, _OZ, _DX, _DY, _DZ = packets.ORG_X, packets.ORG_Y, packets.ORG_Z, packets.DIR_X, packets.DIR_Y, packets.DIR_Z
 _FAR, _GEOM, _INST, _MISS = packets.TFAR, packets.GEOM_ID, packets.INST_ID, packets.MISS
@@ -48,12 +47,12 @@ def bare_random(scene: np.uint64, packet: Packet, rays: Float32Array, out: Float
             out[k, lane] = ray[_FAR + lane]
 
 
-def compare_cast(name: str, scene: ft.Scene, low: tuple[float, ...], high: tuple[float, ...]) -> float:
+def compare_cast(name: str, scene: ft.Scene, low: tuple[float, ...], high: tuple[float, ...], count: int) -> float:
     """Print the rates of random rays from a box, and return the time of ``Scene.cast`` over that of bare Embree."""
     rng = np.random.default_rng(0)
-    directions = rng.normal(size=(RANDOM, 3))
+    directions = rng.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    rays = np.concatenate([rng.uniform(low, high, (RANDOM, 3)), directions], axis=1).astype(np.float32)
+    rays = np.concatenate([rng.uniform(low, high, (count, 3)), directions], axis=1).astype(np.float32)
     packed = np.ascontiguousarray(rays.reshape(-1, LANES, 6).transpose(0, 2, 1))
     packet, out = new_packet(coherent=False), np.zeros((len(packed), LANES), np.float32)
     origins, ahead = np.ascontiguousarray(rays[:, :3]), np.ascontiguousarray(rays[:, 3:])
@@ -75,23 +74,24 @@ def compare_cast(name: str, scene: ft.Scene, low: tuple[float, ...], high: tuple
     np.testing.assert_allclose(scene.cast(origins, ahead, workers=1).range_m, out.ravel(), rtol=1e-3)
     for call, seconds in least.items():
         print(
-            f"{name:<10}{call:<18}{RANDOM / seconds / 1e6:>7.2f} Mrays/s{seconds / least['bare']:>7.2f} of bare's time"
+            f"{name:<10}{call:<18}{count / seconds / 1e6:>7.2f} Mrays/s{seconds / least['bare']:>7.2f} of bare's time"
         )
     return least["cast, float32"] / least["bare"]
 
 
-def compare_casts() -> None:
+def compare_casts(count: int) -> None:
     park = ft.Scene(ft.load_world("park", 0))
-    compare_cast("park", park, (-45.0, -20.0, 0.5), (45.0, 20.0, 5.0))
-    compare_cast("above", park, (-45.0, -20.0, 30.0), (45.0, 20.0, 40.0))  # half of the rays hit nothing
+    compare_cast("park", park, (-45.0, -20.0, 0.5), (45.0, 20.0, 5.0), count)
+    compare_cast("above", park, (-45.0, -20.0, 30.0), (45.0, 20.0, 40.0), count)  # half of the rays hit nothing
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("only", nargs="?", choices=["cast"])
-    only = parser.parse_args().only
-    compare_casts()
-    if only:
+    parser.add_argument("--millions", type=int, default=1, help="random rays, in units of 2^20 (default: 1)")
+    arguments = parser.parse_args()
+    compare_casts(arguments.millions << 20)
+    if arguments.only:
         return
     experiment = ft.load_experiment("park_1")
     world = ft.load_world(experiment.environment, experiment.seed)

@@ -14,7 +14,7 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Route, metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import ScanningConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.world.model import World
 

@@ -123,7 +123,7 @@ def test_own_sensors_have_their_rings_and_baseline(tmp_path: Path, run_example: 
 
 @pytest.mark.slow
 def test_own_environment_has_fewer_objects(run_example: RunExample) -> None:
-    default, own = (int(line.split("objects")[0].split()[-1]) for line in run_example("own_environment.py", 30))
+    default, own = (int(line.split("objects")[0].split()[-1]) for line in run_example("own_environment.py", 30, 0))
     assert own < default
 
 

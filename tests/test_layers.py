@@ -31,7 +31,8 @@ PRESCRIBED: Final = {
         *("camera", "lidar", "LiDAR", "camera_stamp_ns", "lidar_stamp_ns"),
         *("world_from_camera", "world_from_lidar", "base_from_camera", "base_from_lidar"),
     },  # arguments, and keys of samples
-    "experiment/sensor_families.py": {"camera_info"},  # the topic in which ROS's packages expect a calibration
+    "experiment/image_topics.py": {"camera_info"},  # the topic in which ROS's packages expect a calibration
+    "experiment/imaging_config.py": {"camera_info"},
     "gazebo/ros.py": {"camera_info"},
     "exporters/stereo_depth.py": {"stereo", "StereoSGBM"},  # a folder of the format, and OpenCV's matcher
 }

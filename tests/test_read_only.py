@@ -32,6 +32,8 @@ print(len(names), dot((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
 COMMANDS = """
 import sys
 from fieldtruth.cli import main
+from fieldtruth.render import daylight
+daylight.DOME_TEXELS = 512  # a sky of the full size takes many seconds, for each command anew
 for command in sys.argv[1:]:
     assert main(command.split()) == 0, command
 """

@@ -54,6 +54,7 @@ from .experiment.files import dump_experiment as dump_experiment
 from .experiment.files import load_experiment as load_experiment
 from .experiment.files import parse_experiment as parse_experiment
 from .experiment.files import with_overrides as with_overrides
+from .experiment.imaging_config import OPTICAL as OPTICAL
 from .experiment.light_config import LightConfig as LightConfig
 from .experiment.names import list_experiments as list_experiments
 from .experiment.rig import Rig as Rig
@@ -62,7 +63,6 @@ from .experiment.robot_config import RobotConfig as RobotConfig
 from .experiment.robot_config import WheelConfig as WheelConfig
 from .experiment.sensor_config import MountedConfig as MountedConfig
 from .experiment.sensor_config import SensorConfig as SensorConfig
-from .experiment.sensor_families import OPTICAL as OPTICAL
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene

@@ -27,7 +27,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image, Reading
-from fieldtruth.experiment.sensor_families import IMAGES
+from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.ontology import LabelMap, label_map_of
 
 Anchor = Literal["camera", "lidar"]

@@ -124,6 +124,13 @@ def test_names_and_copies(small_run: Path, tmp_path: Path) -> None:
         run["lidar"][12]
 
 
+def test_a_run_is_printed_as_its_messages(small_run: Path) -> None:
+    run = open_run(small_run)
+    assert f"{small_run.name}.bag, {run.duration_s:.3f} s, {sum(run.counts.values())} messages, " in repr(run)
+    assert f"{IMU}: {run.counts[IMU]}" in repr(run)
+    assert "\n" not in repr(run)
+
+
 def test_what_is_assumed_is_said_once(small_run: Path, tmp_path: Path) -> None:
 
     def every_other(topic: str, stamp: int, data: bytes) -> tuple[int, bytes] | None:

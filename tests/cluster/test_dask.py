@@ -39,12 +39,12 @@ def dask(tmp_path: Path) -> Iterator[Processes]:
         yield started
 
 
-@pytest.fixture
-def whole(tmp_path: Path) -> bytes:
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Bag of a local run."""
     with pytest.MonkeyPatch.context() as patch:
         use_fakes(patch)
-        return generate(make_experiment(SECONDS), tmp_path / "local", workers=1).read_bytes()
+        return generate(make_experiment(SECONDS), tmp_path_factory.mktemp("local"), workers=1).read_bytes()
 
 
 def run(dask: Processes, out: Path) -> bytes:

@@ -13,8 +13,8 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.experiment.catalogue import figures_of, list_models, models
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.imaging_config import LensConfig
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.sensor_families import LensConfig
 from fieldtruth.gazebo import write_gazebo
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensor import camera_matrix, distortion, projection_matrix

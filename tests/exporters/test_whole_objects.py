@@ -18,7 +18,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.exporters import export
 from fieldtruth.exporters.amodal import WholeObjects
 from fieldtruth.exporters.kitti_object import kitti_box

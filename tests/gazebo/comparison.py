@@ -16,7 +16,7 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.camera_rays import Intrinsics
 from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -27,7 +27,7 @@ def built(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Any, ..
         return inclined_park()
 
     monkeypatch.setattr(fieldtruth.world.build, "load_world", load_world)
-    monkeypatch.setattr(fieldtruth.gazebo.worlds, "write_world", lambda *given, **named: None)
+    monkeypatch.setattr(fieldtruth.gazebo.worlds, "write_worlds", lambda *given, **named: None)
     monkeypatch.chdir(tmp_path)
     return asked
 

@@ -23,13 +23,18 @@ from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.gazebo import DEFAULT_LAYOUT, worlds, write_gazebo
-from fieldtruth.gazebo.worlds import write_world
+from fieldtruth.gazebo.robot import Flavour
+from fieldtruth.gazebo.worlds import obj_text, write_worlds
 from fieldtruth.interchange import ground
 from fieldtruth.interchange.ground import ground_tiles
+from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Collider, World
 
-FILES = {"classic": ("small.world", "small_plain.world"), "gz": ("small.sdf", "small_plain.sdf")}
+FILES: dict[Flavour, tuple[str, str]] = {
+    "classic": ("small.world", "small_plain.world"),
+    "gz": ("small.sdf", "small_plain.sdf"),
+}
 POST = Collider(shape="cylinder", size=(0.1, 0.8), position=(0.02, 0.0, -0.1))
 
 
@@ -41,13 +46,13 @@ def world() -> World:
 
 
 @pytest.fixture(scope="module")
-def packages(world: World, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def packages(world: World, tmp_path_factory: pytest.TempPathFactory) -> dict[Flavour, Path]:
     folder = tmp_path_factory.mktemp("package with a space")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ground, "GROUND_PIXELS", 64)
-        for flavour in FILES:
-            write_world(folder / flavour, world, flavour, beyond=True)  # type: ignore[arg-type]
-    return {flavour: folder / flavour for flavour in FILES}
+        made = {flavour: folder / flavour for flavour in FILES}
+        write_worlds(made, world, beyond=True)
+    return made
 
 
 def by_class(world: World) -> dict[int, F8]:
@@ -90,7 +95,7 @@ def check_triangles(world: World, package: Path, file: str) -> None:
 
 @pytest.mark.parametrize("flavour", FILES)
 def test_visuals_are_the_triangles_of_the_world_class_by_class(
-    world: World, packages: dict[str, Path], flavour: str
+    world: World, packages: dict[Flavour, Path], flavour: Flavour
 ) -> None:
     for file in FILES[flavour]:
         check_triangles(world, packages[flavour], file)
@@ -102,7 +107,7 @@ def test_rays_at_grazing_incidence_find_the_ground_where_it_is(
     """Also where grass, which no wheel feels, is the ground that rays meet."""
     monkeypatch.setattr(ground, "GROUND_PIXELS", 64)
     terrain = replace(world.terrain, layer=np.full(world.terrain.field.heights.shape, 0.0371234, np.float32))
-    write_world(tmp_path, replace(world, terrain=terrain, instances=(), swarms=()), "classic", beyond=False)
+    write_worlds({"classic": tmp_path}, replace(world, terrain=terrain, instances=(), swarms=()), beyond=False)
     grounds = [shape for shape in shapes(tmp_path, "small.world") if shape.model == world.object_names[GROUND_ID]]
     assert len(grounds) == 6  # ground and trail: seen, hit, and the soil below
     for shape, field in zip(grounds, [*[terrain.surface] * 4, *[terrain.field] * 2], strict=True):
@@ -111,18 +116,38 @@ def test_rays_at_grazing_incidence_find_the_ground_where_it_is(
         assert np.abs(z - field.height_at(x, y)).max() < 1.2e-5
 
 
+def test_numbers_of_obj_files_are_the_shortest_of_nine_digits() -> None:
+    """Also very small ones, which are written with an exponent, and whole ones, which have no decimals."""
+    steps = np.array([0, 1, -1, 9, -9, 10, 99, -100_001, 1_000_000, 1_200_003, -10_000_001, 123_456_789], np.float64)
+    xyz = np.stack([steps, np.roll(steps, 1), np.roll(steps, 5)], axis=1) / 1e5
+    flat = np.zeros((12, 3), np.float32) + np.array([0, 0, 1], np.float32)
+    faces = np.arange(12, dtype=np.int32).reshape(4, 3)
+    uv = (xyz[:, :2] * 100).astype(np.float32)
+    surface = Surface(
+        material="bark", label=Label.TRUNK, vertices=xyz.astype(np.float32), normals=flat, uv=uv, faces=faces
+    )
+    lines = [line.split() for line in obj_text(surface, "bark.mtl").decode().splitlines()]
+    texts = [word for key, *words in lines if key in ("v", "vt", "vn") for word in words]
+    assert texts == [f"{float(text):.9g}" for text in texts]
+    assert {"0", "1e-05", "-9e-05", "0.0001", "-1.00001", "10", "12.00003"} <= set(texts)
+    read = np.array([words for key, *words in lines if key == "v"], np.float64)
+    rows = np.array([[int(word.split("/")[0]) for word in words] for key, *words in lines if key == "f"])
+    expected = surface.vertices.astype(np.float64).round(5)
+    np.testing.assert_array_equal(np.sort(read[rows - 1].reshape(-1, 3), axis=0), np.sort(expected, axis=0))
+
+
 def test_members_of_swarms_that_share_files_are_the_same_triangles(
-    world: World, packages: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    world: World, packages: dict[Flavour, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worlds, "SMALL", 0)
     monkeypatch.setattr(ground, "GROUND_PIXELS", 64)
-    write_world(tmp_path, world, "classic", beyond=True)
+    write_worlds({"classic": tmp_path}, world, beyond=True)
     assert any(packages["classic"].glob("models/tufts/meshes/*"))
     assert not any(tmp_path.glob("models/tufts/meshes/*"))
     check_triangles(world, tmp_path, "small.world")
 
 
-def test_models_have_the_names_and_poses_of_our_objects(world: World, packages: dict[str, Path]) -> None:
+def test_models_have_the_names_and_poses_of_our_objects(world: World, packages: dict[Flavour, Path]) -> None:
     models = ET.parse(packages["classic"] / "worlds/small.world").getroot().findall("world/model")
     poses = {model.attrib["name"]: matrix(model.findtext("pose")) for model in models}
     assert set(poses) == {*world.object_names[1:], "small_backdrop", "tufts_beyond"}
@@ -133,7 +158,7 @@ def test_models_have_the_names_and_poses_of_our_objects(world: World, packages: 
         np.testing.assert_allclose(poses[instance.name], expected, atol=1e-8)
 
 
-def test_rays_of_gazebo_11_hit_what_cameras_see(packages: dict[str, Path]) -> None:
+def test_rays_of_gazebo_11_hit_what_cameras_see(packages: dict[Flavour, Path]) -> None:
     found: dict[str, list[Shape]] = {"visual": [], "collision": []}
     for shape in shapes(packages["classic"], "small.world"):
         found[shape.kind].append(shape)
@@ -143,7 +168,7 @@ def test_rays_of_gazebo_11_hit_what_cameras_see(packages: dict[str, Path]) -> No
         np.testing.assert_array_equal(hit.corners, seen.corners)
 
 
-def test_the_robot_passes_through_leaves_swarms_and_water_only(packages: dict[str, Path]) -> None:
+def test_the_robot_passes_through_leaves_swarms_and_water_only(packages: dict[Flavour, Path]) -> None:
     soft = set()
     for shape in shapes(packages["classic"], "small.world"):
         mask = shape.element.findtext("surface/contact/collide_bitmask")
@@ -159,7 +184,7 @@ def test_the_robot_passes_through_leaves_swarms_and_water_only(packages: dict[st
     }
 
 
-def test_objects_of_the_newer_gazebo_have_the_primitive_shapes_of_our_physics(packages: dict[str, Path]) -> None:
+def test_objects_of_the_newer_gazebo_have_the_primitive_shapes_of_our_physics(packages: dict[Flavour, Path]) -> None:
     tree = ET.parse(packages["gz"] / "worlds/small.sdf").getroot().find("world/model[@name='tree_2']")
     assert tree is not None
     [collision] = tree.findall("link/collision")
@@ -169,13 +194,13 @@ def test_objects_of_the_newer_gazebo_have_the_primitive_shapes_of_our_physics(pa
     assert float(collision.findtext("geometry/cylinder/length", "")) == pytest.approx(1.04)
 
 
-def test_labels_of_the_newer_gazebo_are_class_ids(packages: dict[str, Path]) -> None:
+def test_labels_of_the_newer_gazebo_are_class_ids(packages: dict[Flavour, Path]) -> None:
     for shape in shapes(packages["gz"], "small.sdf"):
         if shape.kind == "visual":
             assert shape.element.findtext("plugin/label") == str(shape.retro)
 
 
-def test_the_plain_twins_have_the_flat_colours_of_the_classes(packages: dict[str, Path]) -> None:
+def test_the_plain_twins_have_the_flat_colours_of_the_classes(packages: dict[Flavour, Path]) -> None:
     script = (packages["classic"] / "models/small_materials/materials/scripts/small_materials.material").read_text()
     blocks = dict(re.findall(r"material (\S+)\n(.*?\n)}\n", script, re.DOTALL))
     for flavour, (_, plain) in FILES.items():
@@ -199,7 +224,7 @@ def test_the_plain_twins_have_the_flat_colours_of_the_classes(packages: dict[str
 
 
 @pytest.mark.parametrize("flavour", FILES)
-def test_every_file_that_is_named_exists(packages: dict[str, Path], flavour: str) -> None:
+def test_every_file_that_is_named_exists(packages: dict[Flavour, Path], flavour: Flavour) -> None:
     package = packages[flavour]
     files = [*(package / "worlds").iterdir(), *package.glob("models/*/model.sdf")]
     uris = {uri for file in files for uri in re.findall(r"model://[^<]+", file.read_text())}
@@ -215,7 +240,7 @@ def test_every_file_that_is_named_exists(packages: dict[str, Path], flavour: str
         assert (config.parent / ET.parse(config).getroot().findtext("sdf", "")).is_file()
 
 
-def test_textures_have_the_same_way_up_as_ours(world: World, packages: dict[str, Path]) -> None:
+def test_textures_have_the_same_way_up_as_ours(world: World, packages: dict[Flavour, Path]) -> None:
     bark = world.meshes["tree"]
     faces = bark.faces[bark.material == bark.materials.index("bark")]
     expected = np.concatenate([bark.vertices[faces], bark.uv[faces]], axis=2)
@@ -230,7 +255,7 @@ def test_textures_have_the_same_way_up_as_ours(world: World, packages: dict[str,
         assert np.max(turned.query(corners.reshape(-1, 15))[0]) < 2e-3
 
 
-def test_x_is_north_and_y_west_in_spherical_coordinates(packages: dict[str, Path]) -> None:
+def test_x_is_north_and_y_west_in_spherical_coordinates(packages: dict[Flavour, Path]) -> None:
     """Gazebo: east = x cos(h) - y sin(h), north = x sin(h) + y cos(h); h is the heading."""
     for flavour, (file, _) in FILES.items():
         sphere = ET.parse(packages[flavour] / "worlds" / file).getroot().find("world/spherical_coordinates")
@@ -258,7 +283,7 @@ def complaints(file: Path) -> str:
 
 
 @pytest.mark.parametrize("flavour", FILES)
-def test_libsdformat_finds_nothing_wrong(packages: dict[str, Path], flavour: str) -> None:
+def test_libsdformat_finds_nothing_wrong(packages: dict[Flavour, Path], flavour: Flavour) -> None:
     package = packages[flavour]
     for file in [*(package / "worlds").iterdir(), package / "models/tree/model.sdf"]:
         assert complaints(file) == ""

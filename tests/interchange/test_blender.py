@@ -29,6 +29,8 @@ from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.world.build import load_world
 
+pytestmark = pytest.mark.usefixtures("small_ground_images")
+
 SCRIPT: Final = Path(__file__).with_name("blender_render.py")
 LARGEST_SHARE: Final = 2e-4
 """Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4."""

@@ -18,8 +18,8 @@ from sense_worlds import F8, at, box, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.experiment.catalogue import preset_of
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import PRESETS, Preset, WeatherConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.bake import BakedScene, bake

@@ -9,8 +9,8 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera_rays import Intrinsics, View, new_batch, trace
 from fieldtruth.kernels.packets import new_packet
 from fieldtruth.render.bake import bake

@@ -7,8 +7,8 @@ import pytest
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig, Preset
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
 from fieldtruth.render.daylight import LUMINANCE
@@ -23,7 +23,7 @@ NAMES: tuple[Preset, ...] = ("clear_morning", "dusk", "overcast")
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     card = quad("card", [[33.5, -0.5, 1.0], [34.5, -0.5, 1.0], [34.5, 0.5, 1.0], [33.5, 0.5, 1.0]])
-    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=120.0))
+    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=76.0))
 
 
 @pytest.fixture(scope="module")

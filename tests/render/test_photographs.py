@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig

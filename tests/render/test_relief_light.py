@@ -7,8 +7,8 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.light import bake_light
 from fieldtruth.sense.scene import Scene

@@ -10,9 +10,9 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig
-from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.robot import RobotView, part_table, robot_view, robot_views
 from fieldtruth.sense.scene import Scene

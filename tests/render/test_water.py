@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
 from fieldtruth.kernels.shading import new_secondary_batch, water_rays

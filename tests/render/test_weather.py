@@ -8,8 +8,8 @@ from sense_worlds import at, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.light import AZIMUTHS, EXPOSURE, azimuth_of, fog_length, sky_radiance
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.daylight import sun_direction

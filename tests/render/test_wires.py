@@ -9,8 +9,8 @@ import pytest
 from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL, LensConfig
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL, LensConfig
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of

@@ -10,8 +10,9 @@ import pytest
 from many_sensors import many_rig
 
 from fieldtruth.core import lenses
+from fieldtruth.experiment.field_of_view import SensorView
 from fieldtruth.experiment.rig import Rig, chassis_box, sensor_views
-from fieldtruth.experiment.sensor_families import ScanningConfig, SensorView
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.report.rig.picture import (
     draw_rig,
     ground_classes,

@@ -8,8 +8,8 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.lens import intrinsics_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig

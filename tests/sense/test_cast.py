@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from sense_worlds import at, box, floating, make_mesh, make_world, quad
 
+import fieldtruth as ft
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import BLOCK, Scene, cast_rays
@@ -154,6 +155,11 @@ def test_occlusion_agrees_with_casting() -> None:
     hidden = ROOM.occluded(start, ahead, 9.0)
     assert 1000 < hidden.sum() < 4000
     assert np.array_equal(hidden, np.isfinite(found.range_m))
+
+
+def test_a_scene_needs_a_world() -> None:
+    with pytest.raises(ft.FieldtruthError, match=r"^world must be a World, got 'park'; see load_world$"):
+        Scene("park")  # type: ignore[arg-type]
 
 
 def test_no_rays_have_no_hits() -> None:

@@ -9,8 +9,8 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core import transforms
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig

@@ -13,9 +13,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera

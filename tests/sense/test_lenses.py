@@ -10,7 +10,7 @@ from sense_worlds import F8, Placed, at, box, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
-from fieldtruth.experiment.sensor_families import LensConfig
+from fieldtruth.experiment.imaging_config import LensConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE, View, new_batch, set_directions
 from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sensors.camera.check_geometry import pixel_ray

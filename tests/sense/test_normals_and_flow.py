@@ -12,8 +12,8 @@ from sense_worlds import at, box, floating, make_mesh, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions, project
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig

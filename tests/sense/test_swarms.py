@@ -9,7 +9,7 @@ import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.labels import LabelCamera

@@ -11,8 +11,8 @@ from sense_worlds import make_world
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import WeatherConfig
-from fieldtruth.experiment.sensor_families import OPTICAL
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.air import rain, snow

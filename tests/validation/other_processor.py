@@ -44,7 +44,9 @@ def main() -> int:
     ctypes.CDLL = OtherLibrary  # type: ignore[misc]
     from fieldtruth.bag.provenance import this_process
     from fieldtruth.cli import main as run
+    from fieldtruth.render import daylight
 
+    daylight.DOME_TEXELS = int(os.environ.get("SKY_TEXELS", daylight.DOME_TEXELS))  # type: ignore[misc]
     if len(sys.argv) > 1:
         return run(sys.argv[1:])
     print("\n".join(f"{name}: {value}" for name, value in this_process().items()))

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import other_processor
@@ -18,6 +19,7 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate
+from fieldtruth.render import daylight
 from fieldtruth.sense.embree import native_packet
 from fieldtruth.validation.runner import validate
 
@@ -159,13 +161,33 @@ def test_wrong_readings_of_another_processor_fail(
 # Two processes: bags that either makes are validated by the other
 
 
-def short(name: str) -> Experiment:
-    """Some clouds of an experiment and two images of each camera; of park and lake a second with five large ones."""
-    large = name in ("park_1", "lake_1")  # whose images differ between processors
-    values = load_experiment(name).model_dump() | {"seconds": 1.0 if large else 0.4}
+SMALL_WORLDS: dict[str, dict[str, Any]] = {
+    "forest": {
+        "layout": {"size": [40.0, 24.0], "individuals": 1},
+        "route": {"metres": {"start": [-4.9, -4.5], "waypoints": [[1.7, -0.8], [7.8, 4.0]]}},
+    },
+    "hillside": {
+        "layout": {"size": [40.0, 24.0], "individuals": 1},
+        "route": {"metres": {"start": [-2.0, -4.5], "waypoints": [[9.0, -8.0]]}},
+    },
+    "lake": {
+        "layout": {"size": [60.0, 40.0], "individuals": 1, "pole_distance": 25.0},
+        "route": {"metres": {"start": [-7.0, -5.8], "waypoints": [[5.0, -7.2]]}},
+    },
+}
+"""As dense as the full worlds, and a part of a route through these."""
+
+
+def short(environment: str) -> Experiment:
+    """Some clouds and two large images of each camera in a small world; in the full park a second with five of them.
+
+    Large images of all cameras differ between processors, small ones of few do.
+    """
+    full = environment == "park"
+    values = load_experiment(f"{environment}_1").model_dump() | {"seconds": 1.0 if full else 0.4}
     values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
-    if not large:
-        values["rig"]["cameras"] |= {"width": SMALL[1], "height": SMALL[0]}
+    if not full:
+        values |= SMALL_WORLDS[environment]
     return Experiment.model_validate(values)
 
 
@@ -182,19 +204,26 @@ def failures_there(run: Path) -> dict[str, str]:
 
 @pytest.mark.slow
 @needs_another
-@pytest.mark.parametrize("name", ["park_1", "forest_1", "hillside_1", "lake_1"])
-def test_each_processor_accepts_the_bags_of_the_other_and_finds_wrong_readings(name: str, tmp_path: Path) -> None:
-    (tmp_path / "short.yaml").write_text(dump_experiment(short(name)))
+@pytest.mark.parametrize("environment", ["park", "forest", "hillside", "lake"])
+def test_each_processor_accepts_the_bags_of_the_other_and_finds_wrong_readings(
+    environment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if environment != "park":
+        monkeypatch.setattr(daylight, "DOME_TEXELS", 512)
+        monkeypatch.setenv("SKY_TEXELS", "512")  # of the other process
+    made_here = short(environment)
+    name = made_here.name
+    (tmp_path / "short.yaml").write_text(dump_experiment(made_here))
     made = there("generate", str(tmp_path / "short.yaml"), "--out", str(tmp_path / "there"))
     assert made.returncode == 0, made.stderr
-    run, here = tmp_path / "there" / name, generate(short(name), tmp_path / "here").parent
+    run, here = tmp_path / "there" / name, generate(made_here, tmp_path / "here").parent
     assert difference(makers_of(run)).startswith(
         "made with other packet width" if native_packet() == 16 else "made with"
     )
     assert bag_in(run).read_bytes() != bag_in(here).read_bytes()
     for folder, judge in ((run, failures_here), (here, failures_there)):
         assert judge(folder) == {}
-        if name == "park_1":
+        if environment == "park":
             texts = judge(rewritten(folder, tmp_path / f"wrong {folder.parent.name}", edited(wrong(LARGE))))
             assert set(texts) == {"retraced clouds", "retraced images"}, texts
             assert "10 of" in texts["retraced clouds"]

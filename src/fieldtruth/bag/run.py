@@ -150,6 +150,11 @@ class Run(BagFile):
     Names are those of the rig; of a pair's views ``NAME/left`` and ``NAME/right``.
     """
 
+    def __repr__(self) -> str:
+        """Name of the bag, its duration, and its messages by topic, like ``rosbag info``."""
+        topics = ", ".join(f"{topic}: {count}" for topic, count in self.counts.items())
+        return f"<Run {self.bag}, {self.duration_s:.3f} s, {sum(self.counts.values())} messages, {topics}>"
+
     @cached_property
     def rig(self) -> Rig:
         """The rig that recorded it; of a bag from elsewhere the paper's, which is said with a warning."""

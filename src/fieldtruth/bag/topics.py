@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics of a bag with message type and rate, and the sensors of a rig as a bag has them.
 
-Topics are those of the paper's Table 5, with additions; each sensor's own is in `sensors/KIND/config.py`. Their order
-is that of connection numbers, and of messages with the same stamp.
+Topics are those of the paper's Table 5, with additions; each sensor's own is in `sensors/KIND/config.py`, the
+images' in `experiment/image_topics.py`. Their order is that of connection numbers, and of messages with the same
+stamp.
 """
 
 from collections.abc import Container, Iterator, Mapping
@@ -13,9 +14,9 @@ from typing import Any, Final
 from fieldtruth.core import readings
 from fieldtruth.core.readings import Inertial
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, Topic
-from fieldtruth.experiment.sensor_families import ImagingConfig
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500

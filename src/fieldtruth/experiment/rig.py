@@ -18,8 +18,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.catalogue import figures_of, models
+from fieldtruth.experiment.field_of_view import SensorView
 from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
+from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.experiment.sensor_config import (
     KINDS,
     SIGNAL,
@@ -30,7 +33,6 @@ from fieldtruth.experiment.sensor_config import (
     part,
     sensor_of,
 )
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig, SensorView
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.sensors.configs import CONFIGS, FirstOfKinds

@@ -15,7 +15,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.experiment.sensor_families import ImagingConfig
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.sense.embree import Engine, RayScene

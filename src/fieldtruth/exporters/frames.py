@@ -28,7 +28,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import ROLES, bags_in
-from fieldtruth.experiment.sensor_families import IMAGES
+from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.ontology import LabelMap
 
 SPLITS: Final = ("train", "val", "test")

@@ -24,7 +24,7 @@ from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
-from fieldtruth.experiment.sensor_families import IMAGES
+from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import (
     PAPER,

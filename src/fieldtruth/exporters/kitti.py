@@ -30,7 +30,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.experiment.sensor_families import OPTICAL
+from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import chosen_of_many, first_of_clouds, first_views, noun_of, require_pinholes
 

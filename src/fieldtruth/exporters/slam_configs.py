@@ -29,7 +29,7 @@ from fieldtruth.core.lenses import COEFFICIENTS, Lens
 from fieldtruth.core.readings import Cloud, Image, Inertial
 from fieldtruth.core.yaml_io import filled, package_data, write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
-from fieldtruth.experiment.sensor_families import ScanningConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import first_views, format_of
 from fieldtruth.exporters.tum import tum_text

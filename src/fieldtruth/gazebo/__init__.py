@@ -53,18 +53,18 @@ def write_gazebo(
     from fieldtruth.experiment.rig import Rig  # late: the command line checks its arguments first
     from fieldtruth.gazebo.robot import check_rig, write_robot
     from fieldtruth.gazebo.ros import write_ros_package
-    from fieldtruth.gazebo.worlds import write_world
+    from fieldtruth.gazebo.worlds import write_worlds
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
     check_rig(sensors, chosen)
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:
-            for name in chosen:
-                package = part if len(chosen) == 1 else part / name
+            packages = {name: part if len(chosen) == 1 else part / name for name in chosen}
+            for name, package in packages.items():
                 write_ros_package(package, world, sensors, name)
                 write_robot(package, sensors, name)
-                write_world(package, world, name, beyond=beyond)
+            write_worlds(packages, world, beyond=beyond)
             if overwrite:
                 remove(target)
     return target

@@ -5,8 +5,12 @@
 import math
 import re
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from jinja2 import Environment
+from markupsafe import Markup, escape
 
 from fieldtruth.core.files import write_atomically
 from fieldtruth.core.templates import templates
@@ -17,10 +21,24 @@ def render(folder: str, template: str, **values: Any) -> str:
 
     Templates have the filters ``number`` for one number and ``numbers`` for a list of them, both without loss.
     """
-    environment = templates("fieldtruth.gazebo", f"templates/{folder}", autoescape=_is_xml)
-    environment.filters |= {"number": number, "numbers": numbers, "radians": math.radians}
-    text = environment.get_template(template).render(**values)
+    text = _templates(folder).get_template(template).render(**values)
     return re.sub(r"\n\s*\n", "\n", text) if _is_xml(template) else text
+
+
+@cache
+def _templates(folder: str) -> Environment:
+    """Templates of a folder, each compiled once: a package has hundreds of files."""
+    environment = templates("fieldtruth.gazebo", f"templates/{folder}", autoescape=_is_xml)
+    environment.filters |= {"number": number, "numbers": numbers, "radians": math.radians, "indent": _indented}
+    return environment
+
+
+def _indented(text: str, width: int) -> Markup:
+    """Shift all lines but the first; Jinja's own filter escapes each line again, which takes most of a package's time.
+
+    Lines without text get spaces, too; ``render`` removes such lines.
+    """
+    return Markup(str.replace(escape(text), "\n", "\n" + " " * width))
 
 
 def write(path: Path, text: str) -> None:

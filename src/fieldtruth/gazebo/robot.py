@@ -29,10 +29,11 @@ from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.imaging_config import OPTICAL, Imager, ImagingConfig, LensConfig
 from fieldtruth.experiment.rig import Box, Rig, sensor_views
 from fieldtruth.experiment.robot_config import WHEELS, RobotConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.sensor_families import OPTICAL, Imager, ImagingConfig, LensConfig, ScanningConfig
 from fieldtruth.gazebo.files import render, write
 from fieldtruth.report.card import robot_title
 

@@ -23,9 +23,10 @@ from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig, ScanningConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.gazebo.files import render, write
 from fieldtruth.gazebo.robot import Flavour, cloud_topic, observers, robot_words, tachometer_rate
 from fieldtruth.world.model import World

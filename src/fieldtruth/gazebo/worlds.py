@@ -7,13 +7,16 @@ Gazebo 11 and glTF for the newer Gazebo. Gazebo 11 reads OBJ fast (two million t
 without a material library, so each file has one, which also shows the texture in other tools.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Set
+import re
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import orjson
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -27,7 +30,7 @@ from fieldtruth.gazebo.files import render, write
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.gltf import INDICES, VERTICES, Glb
-from fieldtruth.interchange.ground import ground_images, ground_tiles
+from fieldtruth.interchange.ground import ground_images, ground_squares, ground_tiles
 from fieldtruth.interchange.surfaces import (
     Surface,
     beyond_edge,
@@ -236,25 +239,51 @@ COARSE: Final = (4, 3, 1)
 Decimals = tuple[int, int, int]
 
 
-def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
+def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> bytes:
     """Text of an OBJ file of a surface, whose material is in the file ``library`` beside it."""
-    lines = [f"mtllib {library}\n"]
+    lines = [f"mtllib {library}\n".encode()]
     rows, points = [], np.empty(0)
     for key, values, digits in zip(
         ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), decimals, strict=True
     ):
         distinct, row = _distinct(values, digits, often_first=key != "v")
-        line = f"{key}{' %.9g' * values.shape[1]}\n"
-        lines.append(line * len(distinct) % tuple(distinct.ravel().tolist()))
+        lines.append(_vectors_text(key.encode(), distinct))
         rows.append(row)
         points = distinct if key == "v" else points
-    lines.append(f"usemtl {surface.material}\n")
+    lines.append(f"usemtl {surface.material}\n".encode())
     faces = surface.faces[np.argsort(surface.faces.min(axis=1), kind="stable")]  # neighbours follow one another
     corners = np.stack([row[faces] for row in rows], axis=-1)
-    for polygons in _quads(corners, points):
-        line = f"f{' %d/%d/%d' * polygons.shape[1]}\n"
-        lines.append(line * len(polygons) % tuple((polygons + 1).ravel().tolist()))
-    return "".join(lines)
+    return b"".join([*lines, *map(_faces_text, _quads(corners, points))])
+
+
+def _vectors_text(key: bytes, values: NDArray[np.float64]) -> bytes:
+    """A line per row (n, k) of numbers of at most nine digits, each as ``%.9g`` writes it."""
+    text = orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)[2:-1]  # 1.5,2.0],[0.00002,3.0]
+    text = text.replace(b".0,", b",").replace(b".0]", b"]")
+    if np.any((np.abs(values) < 1e-4) & (values != 0.0)):
+        text = re.sub(rb"(?<!\d)0\.0000([1-9])(?!\d)", rb"\1e-05", text)
+    lines = text[:-1].replace(b"],[", b"\n" + key + b" ").replace(b",", b" ")
+    return key + b" " + lines + b"\n" if len(values) else b""
+
+
+def _faces_text(polygons: NDArray[np.intp]) -> bytes:
+    """A line per polygon (n, corners, 3) of rows of vertices, texture coordinates and normals, counted from 1 there."""
+    count, corners, _ = polygons.shape
+    if not count:
+        return b""
+    columns = [_counted(int(polygons[..., k].max()) + 1)[polygons[..., k]] for k in range(3)]
+    blank, slash = (np.full((count, corners, 1), ord(char), np.uint8) for char in " /")
+    texts = np.concatenate([blank, columns[0], slash, columns[1], slash, columns[2]], axis=2).reshape(count, -1)
+    ends = (np.full((count, 1), ord(char), np.uint8) for char in "f\n")
+    return np.hstack([next(ends), texts, next(ends)]).tobytes().translate(None, b"\0")
+
+
+def _counted(count: int) -> NDArray[np.uint8]:
+    """Digits of the numbers from 1 to ``count``, with zero bytes before them."""
+    numbers, width = np.arange(1, count + 1, dtype=np.int32), len(str(count))
+    powers = 10 ** np.arange(width - 1, -1, -1, dtype=np.int32)
+    digits = numbers[:, None] // powers % 10 + ord("0")
+    return np.where(numbers[:, None] >= powers, digits, 0).astype(np.uint8)
 
 
 def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -262,19 +291,23 @@ def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDAr
 
     The edge from the first corner to the third is the shorter diagonal, so that every tool divides a quad there again.
     """
-    pairs = np.zeros((max(len(corners) - 1, 0), 4, corners.shape[2]), np.intp)
-    fits = np.zeros(len(pairs), np.bool_)
-    for i, j in product(range(3), range(3)):
-        one, other = np.roll(corners[:-1], i, axis=1), np.roll(corners[1:], j, axis=1)
-        same = (one[:, [0, 2]] == other[:, :2]).all(axis=(1, 2))
-        pairs[same] = np.concatenate([one[same], other[same, 2:]], axis=1)
-        fits |= same
+    sizes = corners.max(axis=(0, 1), initial=0) + 1
+    key = (corners[..., 0] * sizes[1] + corners[..., 1]) * sizes[2] + corners[..., 2]
+    turns = np.full(max(len(corners) - 1, 0), -1)
+    for i, j in product(range(3), range(3)):  # by which the corners of a face and of the next one are turned
+        one, other = np.roll(key[:-1], i, axis=1), np.roll(key[1:], j, axis=1)
+        turns[(one[:, 0] == other[:, 0]) & (one[:, 2] == other[:, 1])] = 3 * i + j
+    rows = np.flatnonzero(turns >= 0)
+    turn, turn_next = np.divmod(turns[rows], 3)
+    first = corners[rows[:, None], (np.arange(3) - turn[:, None]) % 3]
+    pairs = np.concatenate([first, corners[rows + 1, (2 - turn_next) % 3][:, None]], axis=1)
     a, b, c, d = np.moveaxis(points[pairs[..., 0]], 1, 0)
-    fits &= np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
-    at = np.arange(len(pairs))
+    fits = turns >= 0
+    fits[rows] = np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
+    at = np.arange(len(fits))
     start = np.maximum.accumulate(np.where(fits, 0, at + 1))  # of the row of pairs that fit
     chosen = np.flatnonzero(fits & ((at - start) % 2 == 0))
-    return pairs[chosen], np.delete(corners, [chosen, chosen + 1], axis=0)
+    return pairs[np.searchsorted(rows, chosen)], np.delete(corners, [chosen, chosen + 1], axis=0)
 
 
 def mtl_text(material: str, texture: str) -> str:
@@ -286,7 +319,7 @@ def write_obj(path: Path, surface: Surface, texture: str, decimals: Decimals) ->
     """Write ``path`` and its material library beside it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     library = path.with_suffix(".mtl")
-    path.write_text(obj_text(surface, library.name, decimals))
+    path.write_bytes(obj_text(surface, library.name, decimals))
     library.write_text(mtl_text(surface.material, texture))
 
 
@@ -344,7 +377,7 @@ def write_textures(folder: Path, world: World, materials: Set[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in sorted(materials & world.materials.keys()):
         (folder / texture_file(world, name)).write_bytes(encode_image(material_image(world, name)))
-    tiles = [tile for tile in ground_tiles(world) if tile.name in materials]
+    tiles = [tile for tile in ground_squares(world) if tile.name in materials]
     for tile, jpeg in zip(tiles, ground_images(world, tiles), strict=True):
         (folder / texture_file(world, tile.name)).write_bytes(jpeg)
 
@@ -356,14 +389,16 @@ HEADING_DEG: Final = 90.0
 """Of the world's x axis, from east towards north: x is north and y west."""
 _LIGHT: Final = {"ambient": (0.5, 0.52, 0.55), "sky": (0.62, 0.74, 0.88), "sun": (0.95, 0.9, 0.8)}
 """Colours in sRGB, chosen by eye beside photographs of the same views."""
+_TEXTURES: Final = "materials/textures"
+"""Folder of images in that of the model which has the materials."""
 _FACE_BYTES: Final = 700
 _MEMBER_BYTES: Final = 10_000
 _VERSION: Final = {"classic": "1.7", "gz": "1.9"}
 """Version of SDF that the oldest Gazebo of a flavour reads: 11.1, and Garden."""
 
 
-def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -> None:
-    """Write a world into ``folder``, the root of a package of one flavour.
+def write_worlds(packages: Mapping[Flavour, Path], world: World, *, beyond: bool) -> None:
+    """Write a world into ``packages``, the root folder of the package of each flavour.
 
     - ``worlds/{name}.world`` (classic) or ``.sdf`` (gz), and ``{name}_plain`` in the flat colours of the classes;
     - ``models/``: one folder for each mesh that objects share, for the ground and for each swarm; they are models of
@@ -373,22 +408,36 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
         OutputError: the memory is too small.
     """
     check_scene_memory(world, "gazebo", _needed_memory(world))
-    models, materials = folder / "models", f"{world.name}_materials"
+    materials = f"{world.name}_materials"
+    textures = {flavour: folder / "models" / materials / _TEXTURES for flavour, folder in packages.items()}
+    swarms = {swarm.name for swarm in world.swarms}
 
     def add(part: Part, surface: Surface) -> None:
-        path = models / part.model / "meshes" / part.mesh
-        if flavour == "gz":
-            write_glb(path.with_name(f"{path.name}.glb"), surface)
-        else:
-            texture = f"../../{materials}/materials/textures/{texture_file(world, part.material)}"
-            ground = part.label in (Label.GROUND, Label.TRAIL)
-            decimals = FINE if ground else SOLID if part.solid and part.model not in swarms else COARSE
-            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, decimals)
+        for flavour, folder in packages.items():
+            path = folder / "models" / part.model / "meshes" / part.mesh
+            if flavour == "gz":
+                write_glb(path.with_name(f"{path.name}.glb"), surface)
+            else:
+                texture = f"../../{materials}/{_TEXTURES}/{texture_file(world, part.material)}"
+                ground = part.label in (Label.GROUND, Label.TRAIL)
+                decimals = FINE if ground else SOLID if part.solid and part.model not in swarms else COARSE
+                write_obj(path.with_name(f"{path.name}.obj"), surface, texture, decimals)
 
-    swarms = {swarm.name for swarm in world.swarms}
     bodies = list(world_bodies(world, add, beyond=beyond))
-    textures = {name: texture_file(world, name) for name in sorted({p.material for b in bodies for p in b.parts})}
-    write_textures(models / materials / "materials" / "textures", world, textures.keys())
+    names = {part.material for body in bodies for part in body.parts}
+    first, *others = textures.values()
+    write_textures(first, world, names)
+    for other in others:
+        shutil.copytree(first, other)
+    for flavour, folder in packages.items():
+        _write_models(folder, world, flavour, bodies, {name: texture_file(world, name) for name in sorted(names)})
+
+
+def _write_models(
+    folder: Path, world: World, flavour: Flavour, bodies: list[Body], textures: Mapping[str, str]
+) -> None:
+    """Write the models and the two world files; ``textures`` are the files of images by material."""
+    models, materials = folder / "models", f"{world.name}_materials"
     clear = {material.name for material in world.materials.values() if material.mirror > 0}
     colours = {c.label.name: PALETTE[c.label] / 255 for c in CLASSES if c.rgb is not None}
     values = {

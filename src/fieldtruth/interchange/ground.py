@@ -63,23 +63,32 @@ def ground_tiles(world: World, size_m: float = 25.0) -> Iterator[GroundTile]:
     Each vertex lies on the heightfield's triangles. Measured: the class of a triangle is wrong on less than a millionth
     of the park's area and on 0.004 % of the forest's, at most 2 cm from the contour of ``Terrain.trail_distance``.
     """
+    field, slopes = world.terrain.surface, _slopes(world.terrain.surface)
+    for tile, start, counts in _squares(world, size_m):
+        points, is_trail = _cut_block(world.terrain, start, counts)
+        parts = ((Label.GROUND, points[~is_trail]), (Label.TRAIL, points[is_trail]))
+        surfaces = (_surface(tile, label, part, field, slopes) for label, part in parts)
+        yield replace(tile, surfaces=tuple(surface for surface in surfaces if len(surface.faces)))
+
+
+def ground_squares(world: World, size_m: float = 25.0) -> list[GroundTile]:
+    """The tiles of ``ground_tiles`` without surfaces, which take most of the time: all that ``ground_images`` needs."""
+    return [tile for tile, _, _ in _squares(world, size_m)]
+
+
+def _squares(world: World, size_m: float) -> Iterator[tuple[GroundTile, tuple[int, int], tuple[int, int]]]:
+    """Tiles without surfaces, with the first cell of each and the number of its cells along x and y."""
     if not world.terrain.visible:
         return
     field = world.terrain.surface
     side = max(1, round(size_m / field.spacing))
-    slopes = _slopes(field)
     nx, ny = field.heights.shape
     for i in range(0, nx - 1, side):
         for j in range(0, ny - 1, side):
-            counts = min(side, nx - 1 - i), min(side, ny - 1 - j)
-            points, is_trail = _cut_block(world.terrain, (i, j), counts)
             x0, y0 = field.x0 + field.spacing * i, field.y0 + field.spacing * j
-            tile = GroundTile(
-                name=f"terrain_{i // side}_{j // side}", surfaces=(), x0=x0, y0=y0, size=side * field.spacing
-            )
-            parts = ((Label.GROUND, points[~is_trail]), (Label.TRAIL, points[is_trail]))
-            surfaces = (_surface(tile, label, part, field, slopes) for label, part in parts)
-            yield replace(tile, surfaces=tuple(surface for surface in surfaces if len(surface.faces)))
+            name = f"terrain_{i // side}_{j // side}"
+            tile = GroundTile(name=name, surfaces=(), x0=x0, y0=y0, size=side * field.spacing)
+            yield tile, (i, j), (min(side, nx - 1 - i), min(side, ny - 1 - j))
 
 
 def _slopes(field: Heightfield) -> Raster:
@@ -182,29 +191,29 @@ def _without_junctions(points: Array, trail: Mask) -> tuple[Array, Mask]:
     lone = count[edge].reshape(faces.shape) == 1  # on the border of the block, or with a vertex on it, or a part of one
     ends = vertices[np.unique(edges[lone])]
     tree, divided, parts = cKDTree(ends), np.zeros(len(points), np.bool_), list[Array]()
-    for row in np.flatnonzero(lone.any(axis=1)).tolist():
-        corners = points[row]
-        sides = [
-            _with_vertices_between(corners[k], corners[(k + 1) % 3], ends, tree) if lone[row, k] else corners[k : k + 1]
-            for k in range(3)
-        ]
-        outline = np.concatenate(sides)
-        if len(outline) > 3:
-            middle = np.broadcast_to(corners.mean(axis=0), outline.shape)
-            parts.append(np.stack([middle, outline, np.roll(outline, -1, axis=0)], axis=1))
-            divided[row] = True
+    rows, sides = np.nonzero(lone)
+    between = _vertices_between(points[rows, sides], points[rows, (sides + 1) % 3], ends, tree)
+    found = {(int(rows[k]), int(sides[k])): vertices for k, vertices in between}
+    for row in sorted({row for row, _ in found}):
+        corners, none = points[row], np.empty((0, 2))
+        outline = np.concatenate([part for k in range(3) for part in (corners[k, None], found.get((row, k), none))])
+        middle = np.broadcast_to(corners.mean(axis=0), outline.shape)
+        parts.append(np.stack([middle, outline, np.roll(outline, -1, axis=0)], axis=1))
+        divided[row] = True
     classes = np.repeat(trail[divided], [len(part) for part in parts])
     return np.concatenate([points[~divided], *parts]), np.concatenate([trail[~divided], classes])
 
 
-def _with_vertices_between(a: Array, b: Array, vertices: Array, tree: cKDTree) -> Array:
-    """``a`` and those of the vertices (n, 2) that lie between it and ``b``, in this order (m, 2)."""
-    length = np.linalg.norm(b - a)
-    ux, uy = (b - a) / length
-    near = vertices[tree.query_ball_point((a + b) / 2, length / 2 - _WELD)]
-    x, y = (near - a).T
-    along, on_edge = x * ux + y * uy, np.abs(x * uy - y * ux) < _WELD
-    return np.concatenate([a[None], near[on_edge][np.argsort(along[on_edge])]])
+def _vertices_between(a: Array, b: Array, vertices: Array, tree: cKDTree) -> Iterator[tuple[int, Array]]:
+    """Yield those of n sides from ``a`` to ``b`` (n, 2) that have vertices on them, and these (m, 2) in order."""
+    length = np.linalg.norm(b - a, axis=1)
+    near = tree.query_ball_point((a + b) / 2, length / 2 - _WELD)
+    for k in np.flatnonzero(np.array([len(rows) for rows in near])).tolist():
+        found, (ux, uy) = vertices[near[k]], (b[k] - a[k]) / length[k]
+        x, y = (found - a[k]).T
+        along, on_side = x * ux + y * uy, np.abs(x * uy - y * ux) < _WELD
+        if on_side.any():
+            yield k, found[on_side][np.argsort(along[on_side])]
 
 
 def _welded(points: Array) -> tuple[Array, NDArray[np.int64]]:

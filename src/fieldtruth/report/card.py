@@ -22,11 +22,11 @@ from fieldtruth.core.templates import templates
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
-from fieldtruth.experiment.sensor_families import ImagingConfig
 from fieldtruth.world.model import World
 
 _TEMPLATES: Final = templates("fieldtruth.report")

@@ -20,8 +20,8 @@ from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import metres_from_route
+from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud, looking
 from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, render_aerial, sector

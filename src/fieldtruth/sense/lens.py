@@ -13,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.lenses import FLAT, Lens, directions
-from fieldtruth.experiment.sensor_families import ImagingConfig
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera_rays import NO_TABLE, Intrinsics
 
 

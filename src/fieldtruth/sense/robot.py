@@ -16,8 +16,9 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
+from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
-from fieldtruth.experiment.sensor_families import Imager, ScanningConfig
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.robot import BOX, CYLINDER, FACES, HUB, NO_FACE, RobotSamples, Surface, meet_parts
 from fieldtruth.world.model import ROBOT_ID

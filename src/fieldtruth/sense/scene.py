@@ -46,9 +46,13 @@ class Scene:
 
     ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``top_levels``
     that a geometry belongs to, and class and instance id of a hit.
+
+    Raises:
+        ConfigurationError: the world is of another type.
     """
 
     def __init__(self, world: World) -> None:
+        given_world(world, None)
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]

@@ -27,7 +27,7 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.sensor_families import ImagingConfig
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.baking import gather_probes
 from fieldtruth.kernels.compile import can_save, is_saved
 from fieldtruth.kernels.photograph import render_linear

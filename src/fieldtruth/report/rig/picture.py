@@ -18,9 +18,9 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.experiment.field_of_view import SensorView
 from fieldtruth.experiment.rig import Box, Rig, body_parts, chassis_box, rollers, sensor_views
 from fieldtruth.experiment.sensor_config import BASE
-from fieldtruth.experiment.sensor_families import SensorView
 from fieldtruth.report.drawing.paper import Paper
 from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED, percent, sensor_nouns
 from fieldtruth.sense.robot import meet, part_table

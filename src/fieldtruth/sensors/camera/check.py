@@ -15,7 +15,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.sensor_families import Imager
+from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_geometry import (
     CALIBRATION,

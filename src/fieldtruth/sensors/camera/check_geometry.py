@@ -34,7 +34,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.lenses import Lens
-from fieldtruth.experiment.sensor_families import Imager
+from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.sensor_families import ImagingConfig
+from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet

@@ -23,8 +23,8 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import PoseAt, standing_at
+from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.light_config import WeatherConfig
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.kernels.camera import add_dust, draw_drops, draw_streaks
 from fieldtruth.kernels.camera_rays import View, label_image, trace
 from fieldtruth.kernels.light import EXPOSURE, Shading

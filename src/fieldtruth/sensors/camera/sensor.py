@@ -20,8 +20,8 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.core.readings import Ids, Image
 from fieldtruth.drive.track import PoseAt, standing_at
+from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.sensor_config import Output
-from fieldtruth.experiment.sensor_families import Imager, ImagingConfig
 from fieldtruth.sense.robot import RobotView, part_table, robot_view
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, tag_image

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Positive, Range, Rate
+from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.experiment.sensor_config import FrameName, Output, Section, SensorName, SignalConfig, TopicName
-from fieldtruth.experiment.sensor_families import ScanningConfig
 
 MOST_SUB_RAYS: Final = 15
 MOST_STEPS: Final = 8

@@ -1,134 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two families of sensors that see: those whose readings are clouds of points, and those whose readings are images.
-
-What other stages need to know of them is here, so that they serve any package's kind. A kind may belong to none.
-"""
+"""Configuration of sensors whose readings are images: cameras, and kinds of other packages; their lens and views."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from fieldtruth.core import lenses, transforms
-from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.readings import Cloud, Image, Reading
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.readings import Image, Reading
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive, Range
+from fieldtruth.experiment.image_topics import EXTRAS, IMAGES, STREAMS, image_topic
 from fieldtruth.experiment.sensor_config import MountedConfig, Output
-
-MOST_RINGS: Final = 256
-Elevation = Annotated[Number, Field(gt=-90, lt=90)]
-Turn = Annotated[Number, Field(ge=-180, le=180)]
-Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
-_EVEN: Final = 1e-6  # [deg] of which the steps between beams may differ
-_PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
-
-
-class ScanningConfig(MountedConfig):
-    """A sensor that measures ranges along rays, in ``rings`` and ``columns``, from the origin of its frame.
-
-    The frame is x forward, y left, z up.
-    """
-
-    gives: ClassVar[type[Reading]] = Cloud
-
-    columns: Annotated[Integer, Field(ge=8, le=8192)] = 512
-    rings: Annotated[Integer, Field(ge=1, le=MOST_RINGS)] = 64
-    vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
-    elevations_deg: (
-        Annotated[
-            tuple[Elevation, ...], Field(description="a list of angles between -90 and 90, one per ring", **_PER_RING)
-        ]
-        | None
-    ) = None
-    """Above the horizon, by number of the ring. None: rings are even over the field of view, ring 0 the highest."""
-    azimuth_offsets_deg: (
-        Annotated[
-            tuple[Turn, ...], Field(description="a list of angles between -180 and 180, one per ring", **_PER_RING)
-        ]
-        | None
-    ) = None
-    """Azimuth of each ring from that of its column, clockwise seen from above. None: zero."""
-    firing_offsets_ns: (
-        Annotated[
-            tuple[Delay, ...],
-            Field(description="a list of integers from 0 to 100000000, one per ring", **_PER_RING),
-        ]
-        | None
-    ) = None
-    """Time at which each ring fires, after the first of its column; the head turns meanwhile. None: zero."""
-    min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
-    max_range: Range = 120.0  # [m]; data sheet of the OS1
-    spinning: Boolean = False
-    """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
-
-    @property
-    def ring_elevations(self) -> Array:
-        """Angles (rings,) [rad] of the beams above the horizon.
-
-        Without ``elevations_deg`` ring 0 is the highest beam, the last ring the lowest; they span the vertical field of
-        view, both ends included (+22.5 and -22.5 deg).
-        """
-        if self.elevations_deg is not None:
-            return np.radians(np.array(self.elevations_deg, np.float64))
-        half = np.radians(self.vertical_fov_deg) / 2.0
-        return np.linspace(half, -half, self.rings) if self.rings > 1 else np.zeros(1)
-
-    def measured(self, message: Any, points: Any) -> dict[str, Any]:
-        """Return rays and frame by a cloud."""
-        values: dict[str, Any] = {"frame": str(message.header.frame_id)} if message.header.frame_id else {}
-        if message.height > 1:
-            values |= {"rings": int(message.height), "columns": int(message.width)}
-        for key, field in (("rings", "ring"), ("columns", "column")):
-            if len(points) and field in points.dtype.names:
-                values[key] = int(points[field].max()) + 1
-        return values
-
-    def figures(self) -> str:
-        """Return rays, elevations and range."""
-        angles, many = np.degrees(self.ring_elevations), "s" * (self.rings != 1)
-        beams = f"{self.rings} ring{many} x {self.columns} columns, {angles.min():.4g} to {angles.max():.4g} deg"
-        return f"{beams}, {self.min_range:g} to {self.max_range:g} m{', spinning' * self.spinning}"
-
-    @property
-    def unfit_for_frames(self) -> tuple[str, str] | None:
-        """``spinning``."""
-        return ("spinning", "the robot stands still") if self.spinning else None
-
-    @property
-    def uneven(self) -> str:
-        """Name of the key because of which the rays are no even grid of angles; empty if they are one."""
-        steps = np.diff(self.elevations_deg or ())
-        if steps.size and np.ptp(steps) > _EVEN:
-            return "elevations_deg"
-        return "azimuth_offsets_deg" if any(self.azimuth_offsets_deg or ()) else ""
-
 
 OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
-STREAMS: Final = {
-    "camera_info": ("camera_info", "sensor_msgs/msg/CameraInfo"),
-    "photograph": ("real/compressed", "sensor_msgs/msg/CompressedImage"),
-    "tag": ("tag/img_raw", "sensor_msgs/msg/Image"),
-    "depth": ("depth", "sensor_msgs/msg/Image"),
-    "instances": ("instances", "sensor_msgs/msg/Image"),
-    "normals": ("normals", "sensor_msgs/msg/Image"),
-    "flow": ("flow", "sensor_msgs/msg/Image"),
-}
-"""Streams of a camera: topic after that of the camera, and type, in the order of its messages."""
-EXTRAS: Final = ("depth", "instances", "normals", "flow")
-"""Streams that a camera publishes only if the key of that name is true."""
-IMAGES: Final = {
-    "photo": "photograph",
-    "label": "tag",
-    "depth": "depth",
-    "instance": "instances",
-    "normal": "normals",
-    "flow": "flow",
-}
-"""Stream by field of ``core.readings.Image``."""
 LensModel = Literal["pinhole", "plumb_bob", "rational_polynomial", "equidistant", "equirectangular"]
 
 
@@ -317,75 +205,4 @@ class Imager(NamedTuple):
 
     def topic_of(self, stream: str) -> str:
         """Topic of a stream, one of ``STREAMS``, whether or not it is published."""
-        return f"{self.topic}/{STREAMS[stream][0]}"
-
-
-AZIMUTHS: Final = 720
-"""Rays of a ring."""
-_ROUNDING: Final = 1e-9  # [rad], so that a beam's own points count
-_PIXELS: Final = 97  # rays along the longer side of an image, borders included
-
-
-@dataclass(frozen=True)
-class SensorView:
-    """A sensor that scans, or one view of a camera: name, and pose (4, 4), of a view that of the optical frame."""
-
-    name: str
-    config: ScanningConfig | ImagingConfig
-    base_from_sensor: Array
-
-    @property
-    def position(self) -> Array:
-        """In base_link, (3,) [m]."""
-        return self.base_from_sensor[:3, 3]
-
-    @property
-    def nearest(self) -> float:
-        """Range [m] from which it sees."""
-        return self.config.min_range if isinstance(self.config, ScanningConfig) else 0.0
-
-    @property
-    def farthest(self) -> float:
-        """Range [m] up to which it sees."""
-        return self.config.max_range if isinstance(self.config, ScanningConfig) else self.config.far
-
-    @property
-    def scans(self) -> bool:
-        """True if it gives clouds, not images."""
-        return isinstance(self.config, ScanningConfig)
-
-    def sees(self, points_base: Array) -> Mask:
-        """Mask (n,) of the points (n, 3) [m] in base_link in its field of view and range; nothing hides any.
-
-        The field of view of one that scans has all elevations from its lowest to its highest beam.
-        """
-        points = transforms.transform(transforms.inverse(self.base_from_sensor), points_base)
-        distance = np.linalg.norm(points, axis=1)
-        near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
-        if isinstance(config, ScanningConfig):
-            elevation, beams = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])), config.ring_elevations
-            return np.asarray(near & (elevation >= beams.min() - _ROUNDING) & (elevation <= beams.max() + _ROUNDING))
-        u, v = (lenses.project(config.projection, points) + 0.5).T  # 0: the outer border of the first pixel
-        ahead = points[:, 2] > 0.0 if config.projection.model in lenses.FLAT else True
-        inside = (u >= 0.0) & (u <= config.width) & (v >= 0.0) & (v <= config.height)
-        return np.asarray(inside & ahead & near)
-
-    def rays(self) -> Array:
-        """Unit directions in base_link: all rings at ``AZIMUTHS`` (rings, azimuths, 3), or over the image (n, m, 3).
-
-        The outermost ones of an image are at the borders of its pixels; NaN where a lens has no ray.
-        """
-        config = self.config
-        if isinstance(config, ScanningConfig):
-            elevation = config.ring_elevations[:, None]
-            azimuth = np.linspace(-np.pi, np.pi, AZIMUTHS)[None]
-            level, up = np.cos(elevation), np.broadcast_to(np.sin(elevation), (len(elevation), AZIMUTHS))
-            rays = np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, up], axis=-1)
-        else:
-            longer = max(config.width, config.height)
-            u, v = (
-                np.linspace(-0.5, side - 0.5, max(3, _PIXELS * side // longer))
-                for side in (config.width, config.height)
-            )
-            rays = lenses.directions(config.projection, u, v[:, None])
-        return np.asarray(rays @ self.base_from_sensor[:3, :3].T)
+        return image_topic(self.topic, stream)
