@@ -18,6 +18,8 @@ from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import World
 
 _FULL: Final = daylight.DOME_TEXELS
+_SMALL: Final = 512
+"""Texels of the sky over a small world: one of the full size takes seconds."""
 _T = TypeVar("_T")
 
 
@@ -47,8 +49,8 @@ class Kept:
         *,
         workers: int | None = None,
     ) -> BakedScene:
-        """The light of a scene, for any workers; built-in worlds have skies of the full size, as in other processes."""
-        texels = _FULL if scene.world.size == BUILT_IN else daylight.DOME_TEXELS
+        """The light of a scene, for any workers; built-in worlds alone have skies of the full size."""
+        texels = _FULL if scene.world.size == BUILT_IN else _SMALL
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(daylight, "DOME_TEXELS", texels)
             key = id(scene), light or LightConfig(), weather or WeatherConfig(), texels
@@ -58,3 +60,7 @@ class Kept:
         if key not in self._made:
             self._made[key] = make(*given), given  # which are kept, so that nothing else gets their ids
         return cast(_T, self._made[key][0])
+
+
+KEPT: Final = Kept()
+"""Those of this process."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kept_worlds import Kept
 from many_sensors import many_rig
 from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
@@ -24,7 +25,6 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -35,7 +35,9 @@ from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.model import World
 
-EXPERIMENT = in_small_park(rig=RIG)
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
+
+EXPERIMENT = in_small_park(rig=RIG, seconds=1.2)
 FIGURES = (
     *("lidar_mrays_per_s", "lidar_bare_mrays_per_s", "lidar_over_bare"),
     *("camera_mrays_per_s", "camera_bare_mrays_per_s", "label_image_over_bare", "photograph_over_bare"),
@@ -202,8 +204,9 @@ def test_pixels_outside_the_image_circle_have_finite_bare_rays() -> None:
     assert (rays[48, :, 2] < 0).any()  # beyond 180 deg
 
 
-def test_a_recording_has_the_readings_of_every_sensor(world: World) -> None:
-    track, baked = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4})), bake(Scene(world), EXPERIMENT.light)
+def test_a_recording_has_the_readings_of_every_sensor(world: World, kept: Kept) -> None:
+    track = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4}))
+    baked = kept.bake(kept.scene(world), EXPERIMENT.light)
     with recording(baked, track, many_rig(), Stretches((0,), 99), workers=1) as slices:
         slices.make_one(0)
         assert not slices.missing()

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 import pytest
 from annotate_bags import stored, write
+from sense_worlds import without_textures
 
 from fieldtruth.annotation import annotate
 from fieldtruth.bag.decode import image, points, read_bag, stamp_ns, static_transforms
@@ -28,7 +29,7 @@ from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, StereoConfig
 from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.world.build import load_world
+from fieldtruth.world.build import build_world
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")
 
@@ -41,7 +42,8 @@ STAMPS: Final = [10 * 10**9, 11 * 10**9, 12 * 10**9]
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return Scene(load_world("park", 0, DEFAULT_LAYOUT))
+    with without_textures():
+        return Scene(build_world("park", 0, DEFAULT_LAYOUT))
 
 
 @pytest.fixture(scope="module")

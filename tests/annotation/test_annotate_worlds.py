@@ -5,6 +5,7 @@
 import re
 import warnings
 from collections.abc import Callable
+from functools import cache
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 from annotate_bags import odometry, states, true_pose, write
+from sense_worlds import without_textures
+from small_park import LAYOUT, small_park
 
 from fieldtruth.annotation import check_objects
 from fieldtruth.bag.run import open_run
@@ -19,11 +22,16 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning
 from fieldtruth.gazebo import DEFAULT_LAYOUT
-from fieldtruth.world.build import load_world
+from fieldtruth.world.build import build_world, load_world
 from fieldtruth.world.model import World
 
 ENVIRONMENTS = ("park", "lake", "forest", "hillside")
 EXCERPT = Path(__file__).parent / "data" / "gazebo_park.bag"
+ROCKS: dict[str, Any] = {
+    "size": [30.0, 30.0], "individuals": 1, "beyond": False,
+    **dict.fromkeys(("junipers", "gorse", "cushions", "pines", "oaks", "snags", "grass", "pebbles"), 0),
+}  # fmt: skip
+"""Layout of a hillside that is made in a second."""
 Models = dict[str, Array]
 
 
@@ -45,8 +53,25 @@ def check(folder: Path, models: Models, world: World, **options: Any) -> None:
 
 
 @pytest.fixture(scope="module")
-def park() -> World:
-    return load_world("park")
+def worlds() -> Callable[[str], World]:
+    """Built-in worlds of seed 0, each read once."""
+    return cache(load_world)
+
+
+@pytest.fixture(scope="module")
+def park(worlds: Callable[[str], World]) -> World:
+    return worlds("park")
+
+
+def made(environment: str, seed: int = 0, layout: dict[str, Any] | None = None) -> World:
+    """A world without textures, which is not kept."""
+    with without_textures():
+        return build_world(environment, seed, layout)
+
+
+@pytest.fixture(scope="module")
+def rocks() -> World:
+    return made("hillside", 0, ROCKS)
 
 
 def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
@@ -54,35 +79,46 @@ def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
     check_objects(open_run(EXCERPT), park)  # recorded by Gazebo, on ground of a coarser grid
 
 
-@pytest.mark.parametrize(
-    "name", [*(pytest.param(each, marks=pytest.mark.slow) for each in ("lake", "forest")), "hillside"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["lake", "forest", "hillside"])
 def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: str, tmp_path: Path) -> None:
-    check(tmp_path, models_of(load_world(name, 0, DEFAULT_LAYOUT)), load_world(name))
+    check(tmp_path, models_of(made(name, 0, DEFAULT_LAYOUT)), load_world(name))
+
+
+def test_the_coarse_ground_of_a_steep_world_is_taken(rocks: World, tmp_path: Path) -> None:
+    check(tmp_path, models_of(made("hillside", 0, ROCKS | DEFAULT_LAYOUT)), rocks)
 
 
 @pytest.mark.parametrize(("recorded", "given"), list(permutations(ENVIRONMENTS, 2)))
-def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Path) -> None:
-    world = load_world(given)
+def test_another_environment_is_refused(
+    recorded: str, given: str, worlds: Callable[[str], World], tmp_path: Path
+) -> None:
+    world = worlds(given)
     with pytest.raises(FieldtruthError) as error:
-        check(tmp_path, models_of(load_world(recorded)), world)
+        check(tmp_path, models_of(worlds(recorded)), world)
     found = re.search(rf"another world: (\d+) of the (\d+) objects of {given} with seed 0 match; ", str(error.value))
     assert found
     assert int(found[1]) < 10 < int(found[2]) == len(world.object_names) - 1
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", [pytest.param("lake", marks=pytest.mark.slow), "hillside"])
-def test_another_seed_is_refused(name: str, tmp_path: Path) -> None:
+def test_another_seed_is_refused(rocks: World, tmp_path: Path) -> None:
+    with pytest.raises(FieldtruthError, match=r"objects of hillside with seed 1 match; .* is at x "):
+        check(tmp_path, models_of(rocks), made("hillside", 1, ROCKS))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["lake", "hillside"])
+def test_another_seed_of_a_full_world_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match=f"objects of {name} with seed 1 match; .* is at x "):
-        check(tmp_path, models_of(load_world(name, 0)), load_world(name, 1))
+        check(tmp_path, models_of(load_world(name)), made(name, 1))
 
 
-@pytest.mark.parametrize(("recorded", "given"), [({}, {"benches": 2}), ({"benches": 2}, {})])
-def test_another_layout_is_refused(recorded: dict[str, int], given: dict[str, int], tmp_path: Path) -> None:
-    bag, world = load_world("park", 0, recorded), load_world("park", 0, given)
+@pytest.mark.parametrize("more_is_recorded", [False, True])
+def test_another_layout_is_refused(more_is_recorded: bool, tmp_path: Path) -> None:
+    worlds = [small_park(), made("park", 0, LAYOUT | {"benches": 2})]
     with pytest.raises(FieldtruthError, match="was recorded in another world: "):
-        check(tmp_path, models_of(bag), world)
+        check(tmp_path, models_of(worlds[more_is_recorded]), worlds[not more_is_recorded])
 
 
 def without(name: str) -> Callable[[Models], Models]:

@@ -164,7 +164,8 @@ def test_checks_pass_as_of_the_bag(small_run: Path, made: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_park")
-def test_a_report_and_a_folder_of_runs(made: Path, tmp_path: Path) -> None:
+def test_a_report_and_a_folder_of_runs(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldtruth.report.page.map.WIDTH", 300)  # a large aerial view takes seconds
     write_report(made, out=tmp_path / "report.html")
     assert "park_1" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert open_runs(made.parent).names == ("park_1",)

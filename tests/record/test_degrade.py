@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from kept_worlds import Kept
+from small_park import in_small_park
 
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.provenance import makers_of, sha256_of, this_process
@@ -15,9 +17,9 @@ from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.degradation import degrade
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.files import with_overrides
 from fieldtruth.pipeline import generate
-from fieldtruth.sensors.kind import SensorWorld
+from fieldtruth.sense.scene import Scene
 
 pytestmark = pytest.mark.usefixtures("in_park")
 NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
@@ -25,11 +27,14 @@ OF_MOTION: dict[str, Any] = {"imu": "datasheet", "gnss": "datasheet"}
 
 
 def short() -> Experiment:
-    values = load_experiment("park_1").model_dump()
-    values["seconds"] = 0.6
-    values["rig"]["cameras"] = {"width": 64, "height": 48, "depth": True}
-    values["rig"]["lidar"] = {"columns": 64, "rings": 16, "spinning": True}
-    return Experiment.model_validate(values)
+    cameras = {"width": 64, "height": 48, "depth": True}
+    rig = {"cameras": cameras, "lidar": {"columns": 64, "rings": 16, "spinning": True}}
+    return in_small_park(name="park_1", seconds=0.6, rig=rig)
+
+
+@pytest.fixture
+def scene(kept: Kept) -> Scene:
+    return kept.scene(kept.world_of(short()))
 
 
 @pytest.fixture(scope="module")
@@ -66,20 +71,20 @@ def test_cameras_that_stay_ideal_are_not_rendered_again(
 
 
 def test_sensors_of_motion_take_it_from_the_bag(
-    ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, park: SensorWorld
+    ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: Scene
 ) -> None:
     monkeypatch.setattr("fieldtruth.degradation.prepare", lambda *_: pytest.fail("the robot drives again"))
-    degrade(ideal, tmp_path, signal=OF_MOTION, scene=park.scene)
+    degrade(ideal, tmp_path, signal=OF_MOTION, scene=scene)
 
 
-def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path, park: SensorWorld) -> None:
+def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path, scene: Scene) -> None:
     """Images of another processor stay in the degraded bag; if the robot drives otherwise here, that is the reason."""
     shutil.copytree(ideal, tmp_path / "park_1")
     other = this_process() | {"packet width": "1"}
     (tmp_path / "park_1" / "made_by.json").write_text(json.dumps([other]))
     made = degrade(tmp_path / "park_1", tmp_path / "mixed", signal={"imu": "datasheet"}).parent
     assert sorted(makers_of(made), key=str) == sorted([other, this_process()], key=str)
-    same = degrade(ideal, tmp_path / "same", signal={"imu": "datasheet"}, scene=park.scene).parent
+    same = degrade(ideal, tmp_path / "same", signal={"imu": "datasheet"}, scene=scene).parent
     assert makers_of(same) == [this_process()]
 
 

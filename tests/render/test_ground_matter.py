@@ -46,7 +46,7 @@ def waves(n: int = 256, ridges: int = 8) -> NDArray[np.uint8]:
     return np.broadcast_to(line, (n, n, 4)).astype(np.uint8)
 
 
-def ground_of(texture: NDArray[np.uint8], *, relief: float, repeat: float, side: float = 60.0) -> World:
+def ground_of(texture: NDArray[np.uint8], *, relief: float, repeat: float, side: float = 44.0) -> World:
     """A plane of one material."""
     world = make_world(side=side, spacing=1.0)
     soil = replace(world.materials["soil"], texture="own", relief=relief, repeat=repeat, ground_type="earth")
@@ -65,10 +65,10 @@ def seen(scene: BakedScene, position: tuple[float, float, float], yaw: float, do
 @pytest.mark.parametrize(("yaw", "shown", "hidden"), [(0, 0, 2), (180, 2, 0)])
 def test_a_ridge_shows_the_side_that_faces_the_camera(yaw: float, shown: int, hidden: int) -> None:
     """A camera that looks towards +x sees the flanks that rise with x; a wrong sign would show those behind."""
-    scene = baked(ground_of(waves(), relief=0.06, repeat=0.8), LightConfig(sun_elevation_deg=89.0))
+    scene = baked(ground_of(waves(), relief=0.06, repeat=0.8, side=20.0), LightConfig(sun_elevation_deg=89.0))
     photo = seen(scene, (0.0, 0.0, 1.0), yaw, 25.0).photo.astype(float).mean(axis=(0, 1))
     assert photo[shown] > 1.5 * photo[hidden]
-    flat = baked(ground_of(waves(), relief=0.0, repeat=0.8), LightConfig(sun_elevation_deg=89.0))
+    flat = baked(ground_of(waves(), relief=0.0, repeat=0.8, side=20.0), LightConfig(sun_elevation_deg=89.0))
     photo = seen(flat, (0.0, 0.0, 1.0), yaw, 25.0).photo.astype(float).mean(axis=(0, 1))
     assert photo[shown] == pytest.approx(photo[hidden], rel=0.12)
 
@@ -76,7 +76,7 @@ def test_a_ridge_shows_the_side_that_faces_the_camera(yaw: float, shown: int, hi
 def test_labels_and_depth_do_not_depend_on_relief_or_wetness() -> None:
     images = []
     for relief in (0.0, 0.05):
-        scene = baked(ground_of(waves(), relief=relief, repeat=0.8))
+        scene = baked(ground_of(waves(), relief=relief, repeat=0.8, side=20.0))
         images.append(seen(scene, (0.0, 0.0, 1.0), 20.0, 25.0))
     wet = scene.shading._replace(materials=material_table(scene.scene.world, scene.shading.light.sun, 1.0))
     images.append(seen(BakedScene(scene=scene.scene, shading=wet), (0.0, 0.0, 1.0), 20.0, 25.0))

@@ -23,7 +23,7 @@ NAMES: tuple[Preset, ...] = ("clear_morning", "dusk", "overcast")
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     card = quad("card", [[33.5, -0.5, 1.0], [34.5, -0.5, 1.0], [34.5, 0.5, 1.0], [33.5, 0.5, 1.0]])
-    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=120.0))
+    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=76.0))
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@
 
 import base64
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,14 @@ from browser_tab import NIGHT, Tab, differing, of_ground
 from report_pages import Page
 
 from fieldtruth.core.classes import Label
+
+
+@pytest.fixture
+def tab(browser: Any, page: Page) -> Iterator[Tab]:
+    """The page in a small window, because without a GPU each pixel of the cloud takes its time."""
+    opened = Tab(browser, page.path, viewport={"width": 560, "height": 480})
+    yield opened
+    opened.close()
 
 
 def test_cloud_is_visible_and_orbits_pans_and_resets(tab: Tab) -> None:

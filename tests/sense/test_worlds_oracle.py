@@ -49,7 +49,10 @@ def test_oracle_on_a_box() -> None:
     assert found.doubtful.tolist() == [False, False, True, False, False]  # the third is 1 um inside an edge
 
 
-@pytest.fixture(scope="module", params=RAYS)
+@pytest.fixture(
+    scope="module",
+    params=["park", "hillside", *(pytest.param(each, marks=pytest.mark.slow) for each in ("lake", "forest"))],
+)
 def scene(request: pytest.FixtureRequest) -> Scene:
     return built_scene(request.param)
 

@@ -15,12 +15,12 @@ from fieldtruth.pipeline import generate
 from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 
 def _experiment(signal: Any, **changes: Any) -> Experiment:
-    cameras = {"width": 320, "height": 184, "depth": True, "instances": True, "signal": signal}
-    return in_small_park(**{"seconds": 0.4, "rig": {"cameras": cameras, "lidar": {"enabled": False}}} | changes)
+    cameras = {"width": 128, "height": 72, "depth": True, "instances": True, "signal": signal}
+    return in_small_park(**{"seconds": 0.25, "rig": {"cameras": cameras, "lidar": {"enabled": False}}} | changes)
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hi
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.tracer import ReferenceTracer
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 F8 = NDArray[np.float64]
 ROBOT = int(Label.ROBOT)
@@ -116,20 +116,20 @@ def test_every_ray_of_a_right_scan_agrees_and_wrong_ones_do_not() -> None:
     assert sum(text is not None for text in seen_through) > 20  # the robot in place of the board before it
 
 
-def experiment() -> Experiment:
-    """The rig of many sensors, and LiDARs that look down at the deck: one spins, one has a pattern."""
+def experiment(others: Sequence[dict[str, Any]]) -> Experiment:
+    """A rig of some sensors, and LiDARs that look down at the deck: one spins, one has a pattern."""
     down = {
         "kind": "lidar", "name": "down", "rate_hz": 5.0, "columns": 256, "rings": 32, "vertical_fov_deg": 60.0,
         "spinning": True, "mount": {"xyz": [-0.3, 0.1, 0.5], "rpy_deg": [5.0, 20.0, 30.0]},
     }  # fmt: skip
     pattern = {"kind": "lidar", "name": "pattern", "model": "mid_360", "rate_hz": 5.0}
     pattern["mount"] = {"xyz": [0.2, 0.1, 0.5], "rpy_deg": [0.0, 50.0, 0.0]}
-    return in_small_park(seconds=0.45, rig={"visible": True, "sensors": [*many_sensors(), down, pattern]})
+    return in_small_park(seconds=0.25, rig={"visible": True, "sensors": [*others, down, pattern]})
 
 
 @pytest.fixture(scope="module")
 def visible_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return generate(experiment(), tmp_path_factory.mktemp("visible")).parent
+    return generate(experiment(many_sensors()), tmp_path_factory.mktemp("visible")).parent
 
 
 def test_a_run_whose_sensors_see_the_robot_passes(visible_run: Path) -> None:
@@ -168,6 +168,7 @@ def test_a_robot_that_all_sensors_see_elsewhere_is_found(tmp_path: Path, monkeyp
         return meet(table, np.asarray(origin) - (0.0, 0.0, 0.05), directions)
 
     monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
-    run = generate(experiment(), tmp_path).parent
+    cameras = [sensor for sensor in many_sensors() if sensor.get("name") in ("rear", "panorama")]
+    run = generate(experiment(cameras), tmp_path).parent
     texts = failures(validate(run, samples=10))
     assert set(texts) == {"independent rays"}

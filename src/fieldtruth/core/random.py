@@ -10,7 +10,6 @@ import zlib
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fieldtruth.core.arrays import Array
 
@@ -42,6 +41,8 @@ class GaussMarkov:
 
     def draw(self, count: int) -> Array:
         """Return the next values (count, width)."""
+        from scipy.signal import lfilter  # brings all of SciPy's statistics: half a second at the start of each command
+
         white = self._rng.standard_normal((count, self._memory.shape[1]))
         if not count:
             return white

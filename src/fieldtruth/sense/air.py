@@ -23,8 +23,7 @@ range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.special import gamma
-from scipy.stats import norm
+from scipy.special import gamma, ndtr
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.light_config import WeatherConfig
@@ -225,9 +224,10 @@ def _chance_of_most(photons: Array, powers: Array) -> Array:
         return np.asarray(np.arange(len(powers)) == powers.argmax(), np.float64)
     spread = np.sqrt(np.maximum(photons, 1e-12))
     x = np.linspace(-6, 6, 301)[:, None, None] * spread[:, None] + photons[:, None]  # (301, of cell, against cell)
-    below = norm.cdf((x - photons) / spread)
+    below = ndtr((x - photons) / spread)
     below[:, np.arange(len(photons)), np.arange(len(photons))] = 1.0
-    chance = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
+    normal = np.exp(-(np.linspace(-6, 6, 301) ** 2) / 2.0) / np.sqrt(2.0 * np.pi)
+    chance = (normal[:, None] * below.prod(axis=2)).sum(axis=0)
     return np.asarray(chance / chance.sum(), np.float64)
 
 
