@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from filelock import FileLock
-from kept_worlds import Kept
+from kept_worlds import KEPT, Kept
 from many_sensors import many_rig
 from numpy.random import Generator
 from small_park import in_small_park
@@ -128,7 +128,7 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def kept() -> Kept:
     """Worlds, scenes, light and second tracers, each made once."""
-    return Kept()
+    return KEPT
 
 
 @pytest.fixture(scope="session")
@@ -252,17 +252,18 @@ def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
     return export_once
 
 
-_SMALL_SKIES: Final = (
-    "render", "simulation", "test_bench", "test_examples", "test_camera_in_rain", "test_camera_shutter",
-    "test_camera_signal_runs", "test_preview_sheet", "test_preview_parts", "test_report_many_sensors",
-    "test_own_meshes", "test_ids_of_hits", "test_visible_robot", "test_validation_lenses", "test_geometry_images",
-)  # fmt: skip
-"""Folders and files of tests in small worlds."""
 _DAYS: Final = dict[Any, Daylight]()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
+def _sky_of_folder(request: pytest.FixtureRequest) -> None:
+    """Small skies for the folders whose tests are in small worlds; files elsewhere ask for ``small_sky``."""
+    if request.path.parent.name in ("render", "simulation"):
+        request.getfixturevalue("small_sky")
+
+
+@pytest.fixture(scope="module")
+def small_sky() -> Iterator[None]:
     """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds."""
 
     def day_of(
@@ -274,7 +275,6 @@ def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
         return _DAYS[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name in _SMALL_SKIES or request.path.stem in _SMALL_SKIES:
-            patch.setattr(daylight, "DOME_TEXELS", 512)
-            patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
+        patch.setattr(daylight, "DOME_TEXELS", 512)
+        patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
         yield

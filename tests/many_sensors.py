@@ -36,13 +36,7 @@ def many_sensors() -> list[dict[str, Any]]:
             **size,
             "rate_hz": 10.0,
         },
-        {
-            "kind": "camera",
-            "name": "fisheye",
-            "mount": {"xyz": [0.5, 0.0, 0.4]},
-            **size,
-            "model": "fisheye_190",
-        },
+        {"kind": "camera", "name": "fisheye", "mount": {"xyz": [0.5, 0.0, 0.4]}, **size, "model": "fisheye_190"},
         {
             "kind": "camera",
             "name": "panorama",

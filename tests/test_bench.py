@@ -35,7 +35,7 @@ from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.model import World
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 EXPERIMENT = in_small_park(rig=RIG, seconds=1.2)
 FIGURES = (

@@ -16,7 +16,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RunExample = Callable[..., list[str]]

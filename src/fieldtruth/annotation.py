@@ -18,7 +18,7 @@ from functools import partial
 from heapq import merge
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -306,22 +306,40 @@ def annotate(
     run, rig = open_run(bag), rig.with_sensors(SensorConfig, clock=None)
     if target is None:
         target = output_path(run.folder / f"{run.name}_annotated.bag")
-    added = _added_topics(run, rig)
+    addition = _Addition(run, rig, robot, config, given, scene, _added_topics(run, rig))
+    _write(addition, target, cpu_count() if workers is None else workers, progress)
+    return target
+
+
+class _Addition(NamedTuple):
+    """Arguments of ``annotate`` after they are checked, and the topics that the new bag has beside those of the run."""
+
+    run: Run
+    rig: Rig
+    robot: str
+    config: WorldConfig
+    world: World | None
+    scene: Scene | None
+    topics: list[Topic]
+
+
+def _write(addition: _Addition, target: Path, workers: int, progress: Progress) -> None:
+    """Sense in slices, and write the new bag."""
+    run, rig, robot, config, world, scene, topics = addition
     with _work_folder(target) as folder:
         frames = check_frames(run, rig)
         with progress.stage("read the poses", run.duration_s) as advance:
             poses = read_poses(run, rig, robot, advance)
         with progress.stage("build the world"):
-            built = given or load_world(config.environment, config.seed, config.layout)
-        check_objects(run, built, robot)
-        sensor_world = SensorWorld(built, rig, config.light, config.weather, scene=scene, reuse=True)
-        slices = _slices(sensor_world, poses, added, folder, progress)
+            world = world or load_world(config.environment, config.seed, config.layout)
+        check_objects(run, world, robot)
+        sensor_world = SensorWorld(world, rig, config.light, config.weather, scene=scene, reuse=True)
+        slices = _slices(sensor_world, poses, topics, folder, progress)
         seconds = (slices.end_ns - slices.start_ns) / 1e9
         with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
-            slices.make(cpu_count() if workers is None else workers, advance)
+            slices.make(workers, advance)
         with progress.stage("write the bag", run.duration_s) as advance:
             merge_bags(run, slices, target, _latched(poses, frames), poses.recorded_at, advance)
-    return target
 
 
 def _slices(

@@ -30,6 +30,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
@@ -74,11 +75,7 @@ def degrade(
         OutputError, EngineError, SliceError: as ``generate``.
     """
     run = open_run(source)
-    if run.experiment is None:
-        raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
-    if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
-        raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
-    experiment = with_overrides(run.experiment, signal=signal)
+    experiment = with_overrides(_ideal_experiment(run), signal=signal)
     changed = [old for new, old in zip(experiment.rig.sensors, run.rig.sensors, strict=True) if new != old]
     if not any(sensor.enabled for sensor in changed):
         raise ConfigurationError("signal must change a sensor of the run: all of them stay ideal")
@@ -95,6 +92,15 @@ def degrade(
 
         simulation = Simulation(experiment, scene=scene, sensors=[each.name for each in changed if each.enabled])
         return generate_by(engine, simulation, out, workers=workers, overwrite=overwrite, progress=progress)
+
+
+def _ideal_experiment(run: Run) -> Experiment:
+    """Experiment of a run without signals; other runs are refused."""
+    if run.experiment is None:
+        raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
+    if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
+        raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
+    return run.experiment
 
 
 class _Stored:

@@ -60,6 +60,14 @@ def package(folder: Path, ros: int, rig: Rig | None = None) -> Path:
     return folder
 
 
+def twist() -> Any:
+    return SimpleNamespace(linear=SimpleNamespace(x=0.0), angular=SimpleNamespace(z=0.0))
+
+
+def float32(value: float | None = None, *, data: float | None = None) -> Any:
+    return SimpleNamespace(data=value if data is None else data)
+
+
 class FakeRos:
     """Modules of ROS 1 and ROS 2 that keep subscriptions and publications."""
 
@@ -85,12 +93,6 @@ class FakeRos:
 
             def get_logger(self) -> Any:
                 return SimpleNamespace(info=lambda text: None)
-
-        def twist() -> Any:
-            return SimpleNamespace(linear=SimpleNamespace(x=0.0), angular=SimpleNamespace(z=0.0))
-
-        def float32(value: float | None = None, *, data: float | None = None) -> Any:
-            return SimpleNamespace(data=value if data is None else data)
 
         modules: dict[str, dict[str, Any]] = {
             "rospy": {

@@ -1,20 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Baked light is read back as it was made, and only for the same scene, sun and code."""
+"""Baked light and the materials in it are read back as they were made, only for the same scene, sun and code."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numba import typeof
 from sense_worlds import at, box, make_world
 
 import fieldtruth
 from fieldtruth.core.cache import import_closure
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.kernels.light import LightTable
-from fieldtruth.render.bake import cached_light, light_key
+from fieldtruth.render.bake import Lit, bake, cached_light, light_key, lit_scene
 from fieldtruth.render.daylight import sun_direction
 from fieldtruth.render.light import _leaf_sun, bake_light
 from fieldtruth.sense.scene import Scene
@@ -33,28 +34,40 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def baked(scene: Scene) -> LightTable:
-    return bake_light(scene, SUN, 2)
+def baked(scene: Scene) -> Lit:
+    shading = lit_scene(scene, SUN, None, 2).shading
+    return Lit(bake_light(scene, SUN, 2, materials=shading.materials), shading.materials)
 
 
-def never() -> LightTable:
+def never() -> Lit:
     raise AssertionError("the cache was not used")
 
 
-def assert_equal(a: LightTable, b: LightTable) -> None:
-    for name, value in a._asdict().items():
-        other = getattr(b, name)
-        pairs = zip(value, other, strict=True) if isinstance(value, tuple) else [(value, other)]
-        assert all(np.array_equal(x, y) for x, y in pairs), name
+def assert_equal(a: Any, b: Any, name: str = "") -> None:
+    """Compare tables, and tables in them; kernels that are compiled for one take the other."""
+    assert typeof(a) == typeof(b), name
+    if isinstance(a, tuple):
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            assert_equal(x, y, f"{name}.{getattr(a, '_fields', range(len(a)))[k]}")
+    else:
+        assert np.array_equal(a, b), name
 
 
-def test_cached_light_equals_computed_light(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+def test_cached_light_equals_computed_light(scene: Scene, baked: Lit, tmp_path: Path) -> None:
     made = cached_light(scene, SUN, tmp_path, lambda: baked)
     assert made is baked
     assert_equal(cached_light(scene, SUN, tmp_path, never), baked)
 
 
-def test_light_is_computed_again_if_its_file_is_damaged(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+def test_scene_with_cached_light_makes_no_materials(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = bake(scene, SUN, workers=2, folder=tmp_path)
+    monkeypatch.setattr("fieldtruth.render.bake.material_table", lambda *a: never())
+    assert_equal(bake(scene, SUN, workers=2, folder=tmp_path).shading, first.shading)
+
+
+def test_light_is_computed_again_if_its_file_is_damaged(scene: Scene, baked: Lit, tmp_path: Path) -> None:
     cached_light(scene, SUN, tmp_path, lambda: baked)
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:5000])
@@ -62,11 +75,11 @@ def test_light_is_computed_again_if_its_file_is_damaged(scene: Scene, baked: Lig
     assert_equal(cached_light(scene, SUN, tmp_path, never), baked)
 
 
-def test_light_does_not_depend_on_workers(scene: Scene, baked: LightTable) -> None:
-    assert_equal(bake_light(scene, SUN, 1), baked)
+def test_light_does_not_depend_on_workers(scene: Scene, baked: Lit) -> None:
+    assert_equal(bake_light(scene, SUN, 1, materials=baked.materials), baked.light)
 
 
-def test_unwritable_cache_is_ignored(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+def test_unwritable_cache_is_ignored(scene: Scene, baked: Lit, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert cached_light(scene, SUN, tmp_path / "file", lambda: baked) is baked
 

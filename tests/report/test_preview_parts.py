@@ -22,6 +22,8 @@ from fieldtruth.report.drawing.style import NIGHT
 from fieldtruth.report.preview import free_viewpoints, most_informative, view_of
 from fieldtruth.sense.scene import Scene
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 
 @pytest.fixture(scope="module")
 def aerial() -> Aerial:

@@ -15,7 +15,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import preview as content_module
 from fieldtruth.report.preview import SheetContent, collect_content, draw_sheet, occurring_classes, preview
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 
 def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:

@@ -38,7 +38,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 VIEWS = ["pair_left", "pair_right", "front", "rear", "fisheye", "panorama"]
 TAGS = {imager.name: imager.topic_of("tag") for imager in many_rig().imagers}

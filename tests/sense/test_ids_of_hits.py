@@ -20,6 +20,8 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 IDS = (2, 65_535, 65_536 + 2, 3 * 65_536 + 2)
 """From left to right; the last two are 2 in 16 bits."""
 

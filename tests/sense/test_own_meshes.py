@@ -15,6 +15,8 @@ from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.build import read_world, save_world
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 QUAD = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
 """A unit square whose outer side is up."""
 HALF = np.array([4.0, 3.0, 1.5])

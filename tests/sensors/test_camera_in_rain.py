@@ -30,6 +30,8 @@ from fieldtruth.sensors.camera.sensing import (
     streak_of,
 )
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 FOCAL = 500.0
 LENS = lenses.Lens("pinhole", FOCAL, FOCAL, 319.5, 179.5, (), np.pi)
 STAMP = 2_000_000_000

@@ -24,6 +24,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraSignal, StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 WIDTH, HEIGHT = 320, 240
 STAMP = 2_000_000_000
 ALL = datasheet_of("camera", "zed_2") | {"max_exposure_time_ms": 60.0, "exposure_time_ms": 40.0}

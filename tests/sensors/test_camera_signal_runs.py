@@ -15,7 +15,7 @@ from fieldtruth.pipeline import generate
 from fieldtruth.simulation.motion import without_wheels
 from fieldtruth.validation.runner import validate
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 
 def _experiment(signal: Any, **changes: Any) -> Experiment:

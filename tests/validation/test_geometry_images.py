@@ -27,7 +27,7 @@ from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
 from fieldtruth.validation.runner import SAMPLES, validate
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 EXTRAS = ("depth", "instances", "normals", "flow")
 LEFT = "/stereo/camera/left"

@@ -14,7 +14,7 @@ from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.validation.runner import validate
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 K1 = 0.08
 LENSES: dict[str, dict[str, Any]] = {

@@ -27,7 +27,7 @@ from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hi
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.tracer import ReferenceTracer
 
-pytestmark = pytest.mark.usefixtures("in_park")
+pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 F8 = NDArray[np.float64]
 ROBOT = int(Label.ROBOT)

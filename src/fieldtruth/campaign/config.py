@@ -270,7 +270,7 @@ class Campaign(Frozen):
     seconds: Distributed = None
     """End of each run [s] of simulated time."""
     switches: dict[str, Boolean] = Field(default_factory=dict, description="a mapping of switches to true or false")
-    """Whether all sensors with a switch are simulated; in a file as keys of their own, such as ``cameras: false``."""
+    """Sensors with a switch that are simulated, or not; in a file as keys of their own, such as ``cameras: false``."""
     extras: tuple[str, ...] | None = None
     signal: Annotated[Words | dict[str, Any] | None, Field(description=SIGNALS)] = None
     split: Split | None = None

@@ -86,7 +86,7 @@ class Failure(_Record):
 
     reason: str
     final: bool
-    """Whether the same version would fail again, as where no route is found."""
+    """True if the same version would fail again, as where no route is found."""
 
 
 def digest_of(experiment: Experiment) -> str:

@@ -59,7 +59,7 @@ class Options(NamedTuple):
     overwrite: bool = False
     """Replace another campaign and finished runs."""
     measure: bool = True
-    """Whether to estimate time, bytes and memory first."""
+    """Estimate time, bytes and memory first."""
     generate: Generate | None = None
     """Makes a run elsewhere, in place of ``fieldtruth.generate``; jobs are then threads of this process."""
 

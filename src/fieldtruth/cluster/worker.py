@@ -126,7 +126,7 @@ class RunFacts(NamedTuple):
     key: str
     end_ns: int
     latched: bool
-    """Whether static objects are published once."""
+    """True if static objects are published once."""
 
 
 class Order(NamedTuple):

@@ -116,7 +116,7 @@ class DriveConfig(Frozen):
     world_from_track: Mount | None = None
     """Pose of the file's reference frame in the world; None if it is the world frame."""
     allow_inside: Boolean = False
-    """Whether the robot and its sensors may be below the ground, under water or in an obstacle."""
+    """True if the robot and its sensors may be below the ground, under water or in an obstacle."""
 
 
 FRAME_RATE: Final = 10.0

@@ -132,7 +132,7 @@ def _without_tags(model: type[BaseModel], loc: Sequence[int | str]) -> tuple[int
 
 
 def _is_choice(annotation: Any) -> bool:
-    """Whether an annotation allows several types, None not counted."""
+    """Return whether an annotation allows several types, None not counted."""
     if get_origin(annotation) is Annotated:
         return _is_choice(get_args(annotation)[0])
     is_union = get_origin(annotation) in (Union, UnionType)

@@ -231,7 +231,7 @@ class Rig(Frozen, FirstOfKinds):
     ] = PAPER_SENSORS
 
     visible: Annotated[Boolean, Field(description="true or false")] = False
-    """Whether the sensors see the robot's chassis and wheels: class robot, instance id 0."""
+    """True if the sensors see the robot's chassis and wheels: class robot, instance id 0."""
 
     @model_validator(mode="before")
     @classmethod

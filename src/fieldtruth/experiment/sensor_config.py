@@ -60,7 +60,7 @@ class Output(NamedTuple):
     part: str = ""
     """Name of the series, if the sensor has several, such as ``left``."""
     ideal: bool = False
-    """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
+    """True for the readings of an ideal sensor beside the series of one that is not ideal."""
     clock: str = ""
     """Part of the sensor that loses readings by a draw of its own; see ``record.streams.series_of``."""
     frame: str = ""
@@ -207,11 +207,11 @@ class SensorConfig(Frozen):
     family: ClassVar[str] = ""
     """Folder of its models in ``models``, and of entry points, which other kinds may share; by default its kind."""
     sees: ClassVar[bool] = True
-    """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    """True if it senses the world around it, so that a reading depends on a pose alone."""
     needs_wheels: ClassVar[bool] = False
-    """Whether it belongs to a robot with wheels, whose commands are published with it; a rig has at most one."""
+    """True if it belongs to a robot with wheels, whose commands are published with it; a rig has at most one."""
     in_hull: ClassVar[bool] = True
-    """Whether it may be inside the robot's hull, unless it ``sees``."""
+    """True if it may be inside the robot's hull, unless it ``sees``."""
     bag_order: ClassVar[float] = math.inf
     """Rank of its topics among those of other kinds in a bag."""
     frame_order: ClassVar[float] = math.inf
@@ -227,7 +227,7 @@ class SensorConfig(Frozen):
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
-    """Whether a rig must give ``mount``, because its default is for a sensor that is used on its own."""
+    """True if a rig must give ``mount``, because its default is for a sensor that is used on its own."""
 
     kind: str
     name: SensorName

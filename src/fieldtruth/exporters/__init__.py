@@ -139,25 +139,17 @@ def export(
         BagError: a bag cannot be read, or lacks what the format needs.
         OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
-    if not FORMATS.find(to).publishes and (split is not None or shard_mb is not None):
-        raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {_able('publishes')}")
-    for key, given in (("boxes", boxes), ("voxel_m", voxel_m is not None)):
-        if given and not getattr(FORMATS[to], key):
-            raise OutputError(f"format {to!r} has no {key}; formats that have: {_able(key)}")
+    splits = split is not None or shard_mb is not None
+    _check_options(to, {"publishes": splits, "boxes": boxes, "voxel_m": voxel_m is not None})
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
     target = Path() if out is None else _checked_output(to, out)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
     runs = [member.run for member in members] or _runs_for(to, paths)
-    options = Options(
-        chosen,
-        cpu_count() if workers is None else workers,
-        Silent() if progress is None else progress,
-        members,
-        (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6,
-        boxes,
-        DEFAULT_VOXEL_M if voxel_m is None else voxel_m,
-    )
+    workers, progress = cpu_count() if workers is None else workers, Silent() if progress is None else progress
+    shard_bytes = (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6
+    voxel_m = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
+    options = Options(chosen, workers, progress, members, shard_bytes, boxes, voxel_m)
     if out is None:
         target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
@@ -166,6 +158,15 @@ def export(
         text = f"left out of {target.name}, as {to} cannot hold their readings: {', '.join(others)}"
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return target
+
+
+def _check_options(to: str, asked: dict[str, bool]) -> None:
+    """Refuse options that a format lacks, by the fields of its row."""
+    row = FORMATS.find(to)
+    for key, given in asked.items():
+        if given and not getattr(row, key):
+            missing = "neither splits nor shards" if key == "publishes" else f"no {key}"
+            raise OutputError(f"format {to!r} has {missing}; formats that have: {_able(key)}")
 
 
 def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None:

@@ -119,7 +119,7 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "yellow": YELLOW,
         "black": BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
-        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
+        "tachometer_rate": tachometer_rate(rig),
         "inertia": chassis_inertia(rig.robot),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
@@ -302,6 +302,11 @@ def wheel_shape(rig: Rig) -> Shape:
     """Return the cylinder of a wheel, whose axis is y."""
     size = (rig.wheels.radius, round(rig.wheels.width, 9))
     return Shape("tread", size, (0.0, 0.0, 0.0), rpy=(math.pi / 2, 0.0, 0.0), solid=True)
+
+
+def tachometer_rate(rig: Rig) -> float | None:
+    """Messages of the wheels' speeds per second; a rig without them gets those of the default rig."""
+    return rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds)
 
 
 def observers(rig: Rig) -> list[str]:

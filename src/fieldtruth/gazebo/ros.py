@@ -28,7 +28,7 @@ from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.scanning_config import ScanningConfig
 from fieldtruth.gazebo.files import render, write
-from fieldtruth.gazebo.robot import Flavour, cloud_topic, observers, robot_words
+from fieldtruth.gazebo.robot import Flavour, cloud_topic, observers, robot_words, tachometer_rate
 from fieldtruth.world.model import World
 
 _CONFIG: Final = (
@@ -166,7 +166,7 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
-        "tachometer_rate": rig.rate_of(WheelSpeeds) or Rig().rate_of(WheelSpeeds),
+        "tachometer_rate": tachometer_rate(rig),
         "wheels": {name: topic.name for speeds in wheels for name, topic in speeds.fields.items()},
         "images": image_topics(rig),
     }

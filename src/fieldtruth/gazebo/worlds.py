@@ -69,11 +69,11 @@ class Part:
     pose: tuple[float, ...] = (0.0,) * 6
     scale: float = 1.0
     solid: bool = True
-    """Whether wheels and chassis touch it."""
+    """True if wheels and chassis touch it."""
     returns: bool = True
-    """Whether rays of a LiDAR hit it."""
+    """True if rays of a LiDAR hit it."""
     visible: bool = True
-    """Whether cameras see it."""
+    """True if cameras see it."""
 
 
 TILE: Final = 12.5

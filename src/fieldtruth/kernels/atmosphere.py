@@ -17,7 +17,7 @@ AEROSOL_SCALE: Final = 1.3
 AEROSOL_ALBEDO: Final = 0.93
 GROUND_ALBEDO: Final = 0.15
 MOLECULES, AEROSOL, HIGHER = range(3)
-"""What scatters light towards the ground: the phase function of each is applied later."""
+"""Parts of the light that is scattered towards the ground: the phase function of each is applied later."""
 BELOW, ABOVE = range(2)
 """Parts of a ray through the sky: up to the height of clouds, and beyond it."""
 ELEVATIONS: Final = 64

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bare Embree in every packet mode: the distances of primary rays, and nothing else, see ``bench.bare``."""
+"""Bare Embree in every packet mode: the distances of primary rays, and nothing else, see ``bench.sensors``."""
 
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple

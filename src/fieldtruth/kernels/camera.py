@@ -301,7 +301,7 @@ def sharpen(photo: NDArray[np.uint8], amount: float, spread: Float32Array, buffe
     """Add to each channel of a photograph (h, w, 3) what its luminance differs from that blurred with ``spread``.
 
     This is an unsharp mask; edges get halos as wide as the blur. ``spread`` is half of a point spread, see
-    ``lens_effects.point_spread``; ``buffers`` (2, h, w) is overwritten.
+    ``sensors.camera.photo.point_spread``; ``buffers`` (2, h, w) is overwritten.
     """
     height, width, _ = photo.shape
     luminance, blurred = buffers[0], buffers[1]
@@ -328,8 +328,8 @@ def sharpen(photo: NDArray[np.uint8], amount: float, spread: Float32Array, buffe
 
 NEAR_M: Final = 1e-3
 NEAR_SHARE: Final = 1e-4
-"""What is in front of a point by less than ``NEAR_M`` and this share of the distance does not hide it: rays have single
-precision."""
+"""A surface that is in front of a point by less than ``NEAR_M`` and this share of the distance does not hide it: rays
+have single precision."""
 _LANES, _WIDTH, _HEIGHT = packets.LANES, packets.TILE_WIDTH, packets.TILE_HEIGHT
 _FAR = packets.TFAR
 _occluded: Any = packets.occluded

@@ -54,7 +54,7 @@ class Hits(NamedTuple):
 
 
 class CastTable(NamedTuple):
-    """What a hit has besides class and instance id."""
+    """Tables for the normal, texture and material of a hit, which has its class and instance id already."""
 
     tops: Float32Array  # (tops, 16) rotation times scale of world_from_object, by row; a line of the cache each
     words: NDArray[np.uint32]  # the same bytes; from column 9 on instance id and first row in ``face_material``

@@ -42,7 +42,7 @@ class Shade(NamedTuple):
 
 
 class CloudLight(NamedTuple):
-    """What shines on clouds; linear sRGB."""
+    """Light that falls on clouds; linear sRGB."""
 
     sun: Array  # (3,) unit vector
     direct: Array  # (3,) irradiance by the sun at the height of clouds

@@ -48,7 +48,7 @@ class VoxelMeshes(NamedTuple):
 
 @inlined
 def _separates(ax: float, ay: float, az: float, t: _Triangle, half: float) -> bool:
-    """Whether a plane across an axis has the triangle on one side and the cube about the origin on the other."""
+    """Return whether a plane across an axis has the triangle on one side and the cube about the origin on the other."""
     p = ax * t[0] + ay * t[1] + az * t[2]
     q = ax * t[3] + ay * t[4] + az * t[5]
     r = ax * t[6] + ay * t[7] + az * t[8]
@@ -58,7 +58,7 @@ def _separates(ax: float, ay: float, az: float, t: _Triangle, half: float) -> bo
 
 @inlined
 def _overlaps(t: _Triangle, x: float, y: float, z: float, half: float) -> bool:
-    """Whether a triangle meets the cube about a point, inside whose neighbours' range its own box is."""
+    """Return whether a triangle meets the cube about a point, inside whose neighbours' range its own box is."""
     t = (t[0] - x, t[1] - y, t[2] - z, t[3] - x, t[4] - y, t[5] - z, t[6] - x, t[7] - y, t[8] - z)
     ax, ay, az = t[3] - t[0], t[4] - t[1], t[5] - t[2]
     bx, by, bz = t[6] - t[3], t[7] - t[4], t[8] - t[5]

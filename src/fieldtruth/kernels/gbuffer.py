@@ -408,9 +408,9 @@ def near_edge(
 _Barycentric = tuple[np.float32, np.float32, np.float32]
 _Rows = tuple[np.uintp, np.uintp, np.uintp]
 _SHADOWS_END = np.float32(90.0)
+"""Distance [m] beyond which the backdrop's trees are drawn without shadows."""
 _FLATTEST = np.float32(0.4)
 _PATCH = np.float32(0.7)  # side of the patches of distant land, in repeats
-"""Distance [m] beyond which the backdrop's trees are drawn without shadows."""
 _GRAZING = np.float32(0.05)
 """Least cosine of a surface to a ray for which the texture gets coarser."""
 _PER_PI: Final = np.float32(1.0 / np.pi)
@@ -539,10 +539,9 @@ def _shade_surfaces(
     tops, directions, distance, image, points = batch.top, batch.direction, batch.distance, batch.image, batch.point
     materials, surfaces, foreshortening = shading.materials, shading.surfaces, batch.foreshortening
     atlas, sizes, textures, tints = materials.atlas, materials.atlas.size, materials.texture, materials.tint
-    glosses, throughs, mirrors = materials.gloss, materials.through, materials.mirror
-    age, steeps, lands = materials.age, materials.steep, materials.land
-    rotations, own_tints, bases = surfaces.top_rotation, surfaces.top_tint, surfaces.top_base
-    top_leaf, zero, one = shading.light.top_leaf, np.float32(0.0), np.float32(1.0)
+    glosses, throughs, mirrors, age = materials.gloss, materials.through, materials.mirror, materials.age
+    rotations, own_tints, bases, steeps = surfaces.top_rotation, surfaces.top_tint, surfaces.top_base, materials.steep
+    top_leaf, zero, one, lands = shading.light.top_leaf, np.float32(0.0), np.float32(1.0), materials.land
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         top = np.uintp(tops[k])

@@ -303,7 +303,9 @@ def among(open_share: np.float32, reflectance: np.float32) -> np.float32:
     return open_share / (one - reflectance * (one - open_share))
 
 
-RADIUS: Final = float(np.radians(0.266))
+RADIUS_DEG: Final = 0.266
+"""Of the sun's disc, at its mean distance."""
+RADIUS: Final = float(np.radians(RADIUS_DEG))
 LIMB: Final = 0.6
 """Radiance falls by this share from the middle of the disc to its limb (linear law; Cox 2000, section 14.7)."""
 DISC: Final = 1.0 / (np.pi * RADIUS**2 * (1.0 - LIMB / 3.0))

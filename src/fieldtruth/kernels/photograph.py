@@ -159,7 +159,7 @@ def _planes(wires: WireTable, view: View, centre: Array, rows: IntArray, out: Ar
 
 @inlined
 def _may_see(plane: Array, centre: Array, margin: float) -> bool:
-    """Whether a cone comes within a chord ``margin`` of a segment, by the triangle inequality."""
+    """Return whether a cone comes within a chord ``margin`` of a segment, by the triangle inequality."""
     reach, off = plane[REACH] + margin, 0.0
     for axis in range(3):
         off += (plane[MIDDLE + axis] - centre[axis]) ** 2
@@ -361,7 +361,7 @@ def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers) -> 
 
 @inlined
 def _apart(instance: NDArray[np.uint32], depth: Float32Array, v: int, u: int, row: int, column: int) -> bool:
-    """Whether pixel (v, u) shows another surface than its neighbour."""
+    """Return whether pixel (v, u) shows another surface than its neighbour."""
     here = depth[v, u]
     return instance[v, u] != instance[row, column] or abs(here - depth[row, column]) > _STEP * here  # type: ignore[no-any-return]
 

@@ -29,7 +29,7 @@ _TREAD, _SIDE, HUB = 0, 1, 3  # faces of a cylinder; the second and third exist 
 
 
 class Surface(NamedTuple):
-    """What n rays meet: ``range_m`` (n,) [m], infinite for nothing; ``face`` (n,); unit ``normal`` (n, 3)."""
+    """First surface on each ray: ``range_m`` (n,) [m], infinite for none; ``face`` (n,); unit ``normal`` (n, 3)."""
 
     range_m: Array
     face: NDArray[np.int32]
@@ -38,7 +38,7 @@ class Surface(NamedTuple):
 
 @inlined
 def _contains(table: Array, part: int, x: float, y: float, z: float) -> bool:
-    """Whether a part with its skin contains a point in the part's frame."""
+    """Return whether a part with its skin contains a point in the part's frame."""
     a, b, c = table[part, 4] + SKIN, table[part, 5] + SKIN, table[part, 6] + SKIN
     if abs(y) > b:
         return False

@@ -65,7 +65,7 @@ PASSES: Final = (
     "shadows of the sun on wood, rock and furniture",
     "sun, sky, translucency, highlights",
 )
-"""What ``shade_hits`` computes one after another."""
+"""Passes of ``shade_hits``, in their order."""
 REFRACTION: Final = 1.0 / 1.333
 """Refractive index of air over that of water."""
 ABSORPTION: Final = np.array([1.3, 0.75, 0.95], np.float32)

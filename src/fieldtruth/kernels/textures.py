@@ -147,7 +147,7 @@ class Relief(NamedTuple):
 
 
 class Texels(NamedTuple):
-    """What to sample: the first of ``samples`` positions in repeats, steps, and the width [texel] of each."""
+    """Samples along a line: the first of ``samples`` positions in repeats, steps, and the width [texel] of each."""
 
     u: np.float32
     v: np.float32
@@ -444,7 +444,7 @@ def dither(u: np.float32, v: np.float32) -> np.float32:
 
 @inlined
 def is_steep(x: np.float32, y: np.float32, up: np.float32) -> np.bool_:
-    """Whether land at x, y [m], whose normal's z is ``up``, shows the texture of steep land, with a ragged border."""
+    """Return whether land at x, y [m] with the normal's z ``up`` has the texture of steep land, with ragged borders."""
     half = np.float32(0.5)
     ragged = flat_value(x * _PER_LEDGE, y * _PER_LEDGE) + flat_value(x * _PER_STREAK, y * _PER_STREAK) * half
     return up + np.float32(0.16) * (ragged - np.float32(0.75)) < _STEEP

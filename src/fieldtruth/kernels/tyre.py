@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wheels on the ground: vectors, the plane that presses a tyre as the ground does, and the hull's clearance.
 
-``drive.tyre`` says how the plane is found.
+``drive.surroundings`` says how the plane is found.
 """
 
 import math
@@ -81,7 +81,7 @@ class SmoothGround(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """What ``press`` writes for each of n wheels, in the world frame.
+    """Contact patches of n wheels in the world frame, as ``press`` writes them.
 
     ``position`` (n, 3) [m] and ``quaternion_wxyz`` (n, 4) of the equivalent plane, its z axis upwards; ``forward``
     (n, 3), unit vector along it in the wheel's plane; ``velocity`` (n, 2) [m/s] of the chassis at the contact, forwards

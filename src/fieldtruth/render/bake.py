@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Preparing a scene for photographs: ``bake`` computes its light once; cameras then share the result.
 
-Light is kept on disk, under a key that covers the scene, the sun, the processor, and the code that bakes.
+Light, and the tables of materials that the sun lights, are kept on disk, under a key that covers the scene, the
+sun, the processor, and the code that bakes.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, get_origin, get_type_hints
+from typing import Any, Final, NamedTuple, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,26 +69,36 @@ def bake(
     """
     light, folder = light or LightConfig(), folder or cache_folder()
     workers = cpu_count() if workers is None else workers
-    materials = _materials(scene, light)
-    table = cached_light(scene, light, folder, lambda: bake_light(scene, light, workers, weather, materials), weather)
-    return _baked(scene, table, materials, weather)
+    lit = cached_light(scene, light, folder, lambda: _lit(scene, light, workers, weather), weather)
+    return _baked(scene, lit, weather)
 
 
 def lit_scene(
     scene: Scene, light: LightConfig, weather: WeatherConfig | None, workers: int, *, texels: int | None = None
 ) -> BakedScene:
     """Compute the light of a scene as ``bake`` does, without the cache; see ``bake_light`` for ``texels``."""
-    materials = _materials(scene, light)
-    return _baked(scene, bake_light(scene, light, workers, weather, materials, texels=texels), materials, weather)
+    return _baked(scene, _lit(scene, light, workers, weather, texels), weather)
 
 
-def _materials(scene: Scene, light: LightConfig) -> MaterialTable:
+class Lit(NamedTuple):
+    """Light of a scene, and its materials in this light: what the cache keeps."""
+
+    light: LightTable
+    materials: MaterialTable
+
+
+def _lit(
+    scene: Scene, light: LightConfig, workers: int, weather: WeatherConfig | None, texels: int | None = None
+) -> Lit:
     values = light.values
-    return material_table(scene.world, sun_direction(values.azimuth_deg, values.elevation_deg), values.wetness)
+    sun = sun_direction(values.azimuth_deg, values.elevation_deg)
+    materials = material_table(scene.world, sun, values.wetness)
+    return Lit(bake_light(scene, light, workers, weather, materials, texels=texels), materials)
 
 
-def _baked(scene: Scene, table: LightTable, materials: MaterialTable, weather: WeatherConfig | None) -> BakedScene:
+def _baked(scene: Scene, lit: Lit, weather: WeatherConfig | None) -> BakedScene:
     """Put light into the weather, and choose the exposure."""
+    table, materials = lit
     heights = scene.world.terrain.surface.heights
     air = air_of(weather, table, heights)
     table = light_in(air, table, float(heights.mean()))
@@ -121,8 +132,8 @@ def _geometric_mean(values: NDArray[Any]) -> float:
 
 
 def cached_light(
-    scene: Scene, light: LightConfig, folder: Path, make: Callable[[], LightTable], weather: WeatherConfig | None = None
-) -> LightTable:
+    scene: Scene, light: LightConfig, folder: Path, make: Callable[[], Lit], weather: WeatherConfig | None = None
+) -> Lit:
     """Read the light of a scene from a cache folder, or make it and keep it there if the folder can be written."""
     path = folder / f"light-{scene.world.name}-{light_key(scene, light, weather)}.npz"
     return load_or_make(path, _read, make, _write)
@@ -151,24 +162,27 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
         poses,
         colours,
         daylight.DOME_TEXELS,
+        Lit._fields,
     )
     return cache_key(["fieldtruth.render.light"], *inputs, libraries=_LIBRARIES)
 
 
-def _write(path: Path, table: LightTable) -> None:
-    small = table._replace(dome=table.dome._replace(rgb=table.dome.rgb.astype(np.float16)))  # daylight.py rounds it so
+def _write(path: Path, lit: Lit) -> None:
+    dome = lit.light.dome
+    small = lit.light._replace(dome=dome._replace(rgb=dome.rgb.astype(np.float16)))  # daylight.py rounds it so
     with path.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **dict(_arrays(small, "light")))
+        np.savez(stream, allow_pickle=False, **dict(_arrays(lit._replace(light=small), "lit")))
 
 
-def _read(path: Path) -> LightTable:
+def _read(path: Path) -> Lit:
     with np.load(path, allow_pickle=False) as stored:
-        table: LightTable = _table(LightTable, dict(stored), "light")
-    return table._replace(dome=table.dome._replace(rgb=table.dome.rgb.astype(np.float32)))
+        lit: Lit = _table(Lit, dict(stored), "lit")
+    dome = lit.light.dome
+    return lit._replace(light=lit.light._replace(dome=dome._replace(rgb=dome.rgb.astype(np.float32))))
 
 
 def _arrays(value: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays and numbers of a table, and of the tables in it, by names such as ``light.dome.rgb``."""
+    """Yield the arrays and numbers of a table, and of the tables in it, by names such as ``lit.light.dome.rgb``."""
     if hasattr(value, "_asdict"):
         for key, each in value._asdict().items():
             yield from _arrays(each, f"{name}.{key}")
@@ -182,4 +196,4 @@ def _table(kind: Any, arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
         return kind(**{key: _table(each, arrays, f"{name}.{key}") for key, each in get_type_hints(kind).items()})
     if get_origin(kind) is tuple:
         return tuple(arrays[name].tolist())
-    return kind(arrays[name]) if kind in (float, bool) else arrays[name]
+    return kind(arrays[name]) if kind in (float, int, bool) else arrays[name]

@@ -54,7 +54,7 @@ from fieldtruth.kernels.clouds import (
     fill_shade,
     shadows,
 )
-from fieldtruth.kernels.light import DISC, Dome
+from fieldtruth.kernels.light import DISC, RADIUS_DEG, Dome
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.sky import EDGE, add_air, clear_rows, cloud_rows, layer_rows, march_rows
 
@@ -106,7 +106,7 @@ OZONE_COLUMN: Final = 300.0
 """[Dobson units]; one is 2.687e20 molecules per square metre."""
 
 
-@lru_cache(4)  # many worlds have the same sun
+@lru_cache(16)  # 0.3 MB each; many worlds have the same sun
 def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
     """Compute the clear sky.
 
@@ -282,7 +282,6 @@ def passed_by(depth: float) -> float:
 
 DOME_TEXELS: Final = 2048
 """Texels along each side of the dome that photographs show; below 500 the horizon would be outside of it."""
-SUN_RADIUS_DEG: Final = 0.266
 _BASE: Final = {"cumulus": 1300.0, "broken": 1000.0, "cirrus": 9000.0, "stratus": 450.0, "overcast": 1200.0}
 """Height of the base of clouds above the ground [m]."""
 LEVEL: Final = 0.93
@@ -433,7 +432,7 @@ def _cloud_sun(clouds: Clouds | None, sun: Array, size: tuple[float, float]) -> 
     if clouds is not None and sun[2] > 0.0:
         x, y = (np.arange(n) * SHADOW_TEXEL + c for n, c in zip(shape, corner, strict=True))
         points, total = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), np.zeros(shape)
-        wide = np.tan(np.radians(SUN_RADIUS_DEG)) * clouds.base / sun[2]
+        wide = np.tan(np.radians(RADIUS_DEG)) * clouds.base / sun[2]
         for angle in np.arange(6) * np.pi / 3:
             seen = np.empty(len(points), np.float32)
             shadows(clouds, sun, points + 0.7 * wide * np.array([np.cos(angle), np.sin(angle)]), seen)

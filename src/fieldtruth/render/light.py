@@ -39,6 +39,7 @@ from fieldtruth.kernels.light import (
     AIR_LAYER,
     AIR_TEXEL,
     NO_SHADOW,
+    RADIUS_DEG,
     SHADOW_RANGE,
     TEXEL,
     LightTable,
@@ -50,7 +51,7 @@ from fieldtruth.kernels.packets import Grid, new_packet
 from fieldtruth.kernels.shading import new_shading_buffers
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
-from fieldtruth.render.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, soft_dome, sphere, sun_direction
+from fieldtruth.render.daylight import Daylight, metered_daylight, soft_dome, sphere, sun_direction
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.scene import Scene
@@ -96,7 +97,7 @@ def bake_light(
     ``texels`` along each side, by default DOME_TEXELS.
     """
     sun = sun_direction(light.values.azimuth_deg, light.values.elevation_deg)
-    disc, size = sun_disc(sun, SUN_RADIUS_DEG, 12), scene.world.size
+    disc, size = sun_disc(sun, RADIUS_DEG, 12), scene.world.size
     with ThreadPoolExecutor(workers) as pool:
         spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
         x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.light import Shading
+from fieldtruth.kernels.light import RADIUS_DEG, Shading
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.robot import paint_samples
 from fieldtruth.render.light import sun_disc, visibility
@@ -21,7 +21,6 @@ from fieldtruth.sense.robot import RobotView
 _NODES: Final = (14, 10)
 _MARGIN: Final = 0.1  # [m] beyond the robot's parts
 _ABOVE: Final = 0.02  # [m], of the nodes above the highest part
-_SUN_RADIUS_DEG: Final = 0.27
 _SUN_RAYS: Final = 4
 
 
@@ -44,5 +43,5 @@ def _sunlit(shading: Shading, table: Array, world_from_base: Array) -> tuple[Gri
     level = float(high[2]) - _MARGIN + _ABOVE
     points = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full(_NODES, level)], axis=-1).reshape(-1, 3)
     world = (points @ world_from_base[:3, :3].T + world_from_base[:3, 3]).astype(np.float32)
-    seen = visibility(shading.scene, world, None, sun_disc(shading.light.sun, _SUN_RADIUS_DEG, _SUN_RAYS), _ABOVE)
+    seen = visibility(shading.scene, world, None, sun_disc(shading.light.sun, RADIUS_DEG, _SUN_RAYS), _ABOVE)
     return Grid(seen.reshape(_NODES), float(x[0]), float(y[0]), 1.0 / spacing), level
