@@ -60,3 +60,7 @@ class Kept:
         if key not in self._made:
             self._made[key] = make(*given), given  # which are kept, so that nothing else gets their ids
         return cast(_T, self._made[key][0])
+
+
+KEPT: Final = Kept()
+"""Those of this process."""

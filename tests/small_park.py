@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A park of 24 m with one or two objects of each kind, for all that does not need a full world."""
 
-from functools import cache
 from typing import Any, Final
+
+from kept_worlds import KEPT
 
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 _ONE_OF_EACH = ("large_trees", "small_trees", "benches", "lamp_posts", "tables", "trash_bins", "individuals")
@@ -20,10 +20,9 @@ ROUTE: Final = {"metres": {"start": [-6.0, 0.0], "waypoints": [[2.0, 0.0], [2.0,
 RIG: Final = paper_rig(cameras=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 
 
-@cache
 def small_park() -> World:
-    """The world, from the cache that all tests share."""
-    return load_world("park", 0, LAYOUT)
+    """The world, made once in a process, which runs in it have as well where their worlds are kept."""
+    return KEPT.world_of(in_small_park())
 
 
 def in_small_park(**values: Any) -> Experiment:

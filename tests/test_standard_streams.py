@@ -69,8 +69,23 @@ def test_a_reader_that_goes_away_is_no_error_and_a_full_device_is_one(argv: list
     assert ended(argv, out="/dev/full") == (2, b"", FULL.encode())
 
 
-@pytest.mark.parametrize("out", ["gone", "/dev/full", ""])
-@pytest.mark.parametrize("err", ["gone", "/dev/full", ""])
+SLOW_STREAMS = [("gone", ""), ("", "gone"), ("", "/dev/full"), ("", "")]
+"""Each is alone in one of the others, which are the default."""
+
+
+@pytest.mark.parametrize(
+    ("out", "err"),
+    [
+        *(
+            ("gone", "gone"),
+            ("gone", "/dev/full"),
+            ("/dev/full", "gone"),
+            ("/dev/full", "/dev/full"),
+            ("/dev/full", ""),
+        ),
+        *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW_STREAMS),
+    ],
+)
 def test_a_file_that_is_written_is_success(out: str, err: str, tmp_path: Path) -> None:
     code, _, errors = ended(TO_FILE, out=out, err=err, variables={"PYTHONIOENCODING": "cp1252"})
     assert code == 0

@@ -109,6 +109,7 @@ def test_path_visits_all_quarters_of_the_world() -> None:
     assert np.ptp(path[:, 1]) > 22.0
 
 
+@pytest.mark.slow
 def test_error_states_the_longest_route_that_was_found() -> None:
     """A corridor 2 m wide, too narrow to turn, and 36 m long: 20 m fit, 60 m do not."""
     walls = [obstacle(f"wall_{k}", "box", (40.0, 8.0, 1.0), 0.0, y) for k, y in enumerate((-5.0, 5.0))]

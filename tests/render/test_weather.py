@@ -30,7 +30,7 @@ RANGE = WALL * np.sqrt(1 + ((U + 0.5 - 160) / FX) ** 2 + ((V + 0.5 - 92) / FX) *
 def scene() -> Scene:
     """A wall in the left half of the image, and level ground."""
     wall = quad("wall", [[WALL, 20, 0], [WALL, 0, 0], [WALL, 0, 20], [WALL, 20, 20]])
-    return Scene(make_world([(wall, at(0, 0, 0))], side=50.0))
+    return Scene(make_world([(wall, at(0, 0, 0))], side=42.0))
 
 
 def _black(baked: BakedScene) -> BakedScene:

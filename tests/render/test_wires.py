@@ -36,7 +36,7 @@ def wire(distance: float, *, analytic: bool = True, sides: int = 5) -> Placed:
 
 
 def scene(*objects: Placed) -> BakedScene:
-    return bake(Scene(make_world(objects, height=-50.0)), LightConfig())
+    return bake(Scene(make_world(objects, height=-50.0, side=12.0)), LightConfig())
 
 
 def camera(focal: float = FOCAL, lens: LensConfig = LENS, pixels: int = PIXELS) -> CameraConfig:

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world import assembly
-from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
 
 F8 = NDArray[np.float64]
@@ -165,7 +163,8 @@ def without_textures() -> Iterator[None]:
         yield
 
 
-@cache
 def built_scene(environment: str) -> Scene:
-    """An environment of seed 0, from the cache that all tests share; each is built once in a process."""
-    return Scene(load_world(environment, 0))
+    """An environment of seed 0, made once in a process."""
+    from kept_worlds import KEPT
+
+    return KEPT.scene(KEPT.load_world(environment))

@@ -22,6 +22,8 @@ from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 
+pytestmark = pytest.mark.slow  # by default, the check "lidar and cameras" of ``validate`` looks at a run
+
 RIG = Rig()
 LENS = intrinsics_of(RIG.stereo)
 BASE_HEIGHT = 0.13228  # [m] of base_link above the ground (paper, Table 2)

@@ -204,6 +204,7 @@ def wide_world(environment: str, seed: int) -> World:
     return world.__class__(**{**world.__dict__, "instances": instances, "object_names": names})
 
 
+@pytest.mark.slow
 def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path) -> None:
     class WideLidar(FakeLidar):
         def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:

@@ -105,6 +105,7 @@ def check_rays(whole: World, bare: World, count: int) -> None:
     assert (seen.label[same] == full.label[same]).all()
 
 
+@pytest.mark.slow
 def test_nothing_of_the_lake_is_beyond_its_edge() -> None:
     whole = load_world("lake")
     bare = cut_at_edge(whole)

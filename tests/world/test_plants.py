@@ -209,7 +209,7 @@ def test_crown_radius_varies_with_azimuth(name: str, seed: int) -> None:
 
 
 @tree
-@seeds
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
     """Share of horizontal rays through the crown's inner half that hit a leaf."""
     mesh = grow(Plant(name, 11.0, "open", 0.25), seed)

@@ -106,7 +106,7 @@ OZONE_COLUMN: Final = 300.0
 """[Dobson units]; one is 2.687e20 molecules per square metre."""
 
 
-@lru_cache(4)  # many worlds have the same sun
+@lru_cache(16)  # 0.3 MB each; many worlds have the same sun
 def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
     """Compute the clear sky.
 

@@ -19,15 +19,19 @@ LOADS: Final = 0.05
 def surface_table(scene: Scene, vertex_near: Float32Array) -> SurfaceTable:
     """Tables of a scene; ``vertex_near`` (v,) is the share of open air at each vertex of its meshes."""
     meshes, materials = scene.meshes, {name: row for row, name in enumerate(scene.world.materials)}
-    vertices, faces, starts = [], [], np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    for mesh, start, end in zip(meshes, starts[:-1], starts[1:], strict=True):
-        rows = np.array([materials[name] for name in mesh.materials], np.int32)[mesh.material]
-        vertices.append(np.column_stack([mesh.normals, mesh.uv, vertex_near[start:end]]))
-        faces.append(np.column_stack([mesh.faces + np.int32(start), rows]))
+    vertex = np.empty((sum(len(mesh.vertices) for mesh in meshes), 6), np.float32)
+    face = np.empty((sum(len(mesh.faces) for mesh in meshes), 4), np.int32)
+    first, faces = 0, 0
+    for mesh in meshes:  # written in place: copies of these tables would be the most memory that a run needs
+        own, rows = slice(first, first + len(mesh.vertices)), slice(faces, faces + len(mesh.faces))
+        vertex[own, :3], vertex[own, 3:5], vertex[own, 5] = mesh.normals, mesh.uv, vertex_near[own]
+        face[rows, :3] = mesh.faces + np.int32(first)
+        face[rows, 3] = np.array([materials[name] for name in mesh.materials], np.int32)[mesh.material]
+        first, faces = own.stop, rows.stop
     axes = np.array([top.world_from_object[:3, :3] for top in scene.top_levels])
     return SurfaceTable(
-        vertex=np.concatenate([*vertices, np.zeros((0, 6), np.float32)]).astype(np.float32),
-        face=np.concatenate([*faces, np.zeros((0, 4), np.int32)]).astype(np.int32),
+        vertex=vertex,
+        face=face,
         face_repeat=np.concatenate([*(_metres_per_repeat(m) for m in meshes), np.zeros(0, np.float32)]),
         top_rotation=(axes / np.cbrt(np.linalg.det(axes))[:, None, None]).astype(np.float32),
         top_tint=np.array([top.tint for top in scene.top_levels], np.float32),
