@@ -17,8 +17,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from kiss_icp.config import load_config
-from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -56,13 +54,18 @@ class Drive(NamedTuple):
     poses: Array
 
 
-def drive_of(environment: str, seed: int, length_s: float, out: Path) -> Drive:
-    """Record a run, unless it is there, and read it."""
+def recorded(environment: str, seed: int, length_s: float, out: Path) -> Path:
+    """Bag of a run, which is made unless it is there."""
     folder = out / str(seed) / f"{environment}_1"
     if not (bag := folder / f"{folder.name}.bag").exists():
         experiment = with_overrides(load_experiment(folder.name), seconds=length_s, seed=seed, cameras=False)
         generate(experiment, folder.parent)
-    run = open_run(folder)
+    return bag
+
+
+def drive_of(bag: Path) -> Drive:
+    """Read the clouds and the true poses of a run."""
+    run = open_run(bag)
     sensor = read_facts(run).cloud
     assert sensor is not None
     clouds, poses = [], []
@@ -83,6 +86,9 @@ def aligned_error(found: Array, true: Array) -> float:
 
 def kiss(drive: Drive, voxel: float | None = None, true_guess: bool = False) -> Array:
     """Poses (k, 4, 4) of KISS-ICP, with its defaults but for the side of its voxels and its first guess."""
+    from kiss_icp.config import load_config
+    from kiss_icp.kiss_icp import KissICP
+
     config = load_config(None)
     config.mapping.voxel_size = voxel or config.mapping.voxel_size
     odometry, poses = KissICP(config), []
@@ -191,7 +197,7 @@ def main() -> None:
     print("| seed | path m | KISS-ICP | true first guess | voxels 0.5 m | point to plane | in the true map |")
     print("|---" * 7 + "|", flush=True)
     for seed in options.seeds:
-        drive = drive_of(options.env, seed, options.seconds, options.out)
+        drive = drive_of(recorded(options.env, seed, options.seconds, options.out))
         true = drive.poses[:, :3, 3]
         path = float(np.linalg.norm(np.diff(true, axis=0), axis=1).sum())
         row = [aligned_error(kiss(drive, *how)[:, :3, 3], true) for how in ((), (None, True), (0.5,))]

@@ -6,6 +6,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -78,7 +79,9 @@ def small_run(once: Once, request: pytest.FixtureRequest) -> Path:
     """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
 
     def fill(folder: Path) -> None:
-        generate(_small_experiment(), folder, scene=request.getfixturevalue("park").scene)
+        request.getfixturevalue("park")
+        with _worlds_of(KEPT):
+            generate(_small_experiment(), folder)
 
     return once("small_run", fill) / "park_1"
 
@@ -140,9 +143,9 @@ def park(kept: Kept) -> SensorWorld:
     return SensorWorld(world, made.rig, made.light, made.weather, baked=lit, seed=made.seed)
 
 
-@pytest.fixture(scope="module")
-def in_park(kept: Kept) -> Iterator[None]:
-    """Runs in the full park, in the small one and in others use worlds, scenes and light that were made before."""
+@contextmanager
+def _worlds_of(kept: Kept) -> Iterator[None]:
+    """Runs use worlds, scenes, light and tracers that were made before."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fieldtruth.annotation.load_world", kept.load_world)
         patch.setattr("fieldtruth.validation.rays.ReferenceTracer", kept.tracer)
@@ -152,6 +155,13 @@ def in_park(kept: Kept) -> Iterator[None]:
             patch.setattr(f"fieldtruth.{module}.Scene", kept.scene)
         for module in ("sensors.kind", "report.page.map", "report.preview"):
             patch.setattr(f"fieldtruth.{module}.bake", kept.bake)
+        yield
+
+
+@pytest.fixture(scope="module")
+def in_park(kept: Kept) -> Iterator[None]:
+    """Runs in the full park, in the small one and in others use what was made before."""
+    with _worlds_of(kept):
         yield
 
 
@@ -168,10 +178,14 @@ def page(small_run: Path, once: Once) -> "Page":
 
 
 @pytest.fixture(scope="session")
-def many_run(once: Once) -> Path:
+def many_run(once: Once, kept: Kept) -> Path:
     """Folder of 0.42 s in the small park with the rig of ``many_sensors``. Copy what you want to change."""
-    made = in_small_park(name="many", seconds=0.42, rig=many_rig())
-    return once("many_run", lambda folder: generate(made, folder)) / "many"
+
+    def fill(folder: Path) -> None:
+        with _worlds_of(kept):
+            generate(in_small_park(name="many", seconds=0.42, rig=many_rig()), folder)
+
+    return once("many_run", fill) / "many"
 
 
 @pytest.fixture(scope="session")

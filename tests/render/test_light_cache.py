@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
-from numba import typeof
 from sense_worlds import at, box, make_world
 
 import fieldtruth
@@ -37,6 +37,9 @@ def scene() -> Scene:
 def baked(scene: Scene) -> Lit:
     shading = lit_scene(scene, SUN, None, 2).shading
     return Lit(bake_light(scene, SUN, 2, materials=shading.materials), shading.materials)
+
+
+typeof: Any = numba.typeof  # has no annotations
 
 
 def never() -> Lit:
