@@ -22,7 +22,6 @@ class Origin(NamedTuple):
 
 
 PAPER_ORIGIN: Final = Origin(49.9, 8.9, 0.0)
-ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_HEIGHT = PAPER_ORIGIN
 
 
 def geodetic_from_world(points_world: ArrayLike, origin: Origin = PAPER_ORIGIN) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError
-from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.core.readings import Fix
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.ground import slopes
@@ -48,12 +48,13 @@ class WaypointFollower:
     """Drives to each waypoint in turn and stops at the last one.
 
     ``waypoints`` (n, 2) are latitude and longitude [deg]. ``target`` is the row of the current waypoint, and the number
-    of waypoints once the last one is reached. ``antenna_xy`` [m] is the last fix.
+    of waypoints once the last one is reached. ``antenna_xy`` [m] is the last fix. ``origin`` is that of the world.
     """
 
-    def __init__(self, waypoints: ArrayLike, control: ControlConfig) -> None:
+    def __init__(self, waypoints: ArrayLike, control: ControlConfig, origin: Origin = PAPER_ORIGIN) -> None:
+        self._origin = origin
         # Each by itself: of many at once, the last digit can depend on how many there are.
-        self.waypoints_xy: Array = np.array([horizontal_from_geodetic(w) for w in np.asarray(waypoints)])  # (n, 2) [m]
+        self.waypoints_xy: Array = np.array([self._horizontal(w) for w in np.asarray(waypoints)])  # (n, 2) [m]
         self.target = 0
         self._control = control
         self.antenna_xy = self.waypoints_xy[0]
@@ -65,11 +66,11 @@ class WaypointFollower:
 
     def update_fix(self, latitude_deg: float, longitude_deg: float) -> None:
         """Take a GNSS fix; below the arrival distance the next waypoint becomes the target."""
-        self._arrive(horizontal_from_geodetic((latitude_deg, longitude_deg)))
+        self._arrive(self._horizontal((latitude_deg, longitude_deg)))
 
     def add(self, waypoint: ArrayLike) -> None:
         """Drive on to a waypoint (2,) after those that there are."""
-        self.waypoints_xy = np.vstack([self.waypoints_xy, horizontal_from_geodetic(waypoint)])
+        self.waypoints_xy = np.vstack([self.waypoints_xy, self._horizontal(waypoint)])
         self._arrive(self.antenna_xy)
 
     def save(self) -> FollowerState:
@@ -79,6 +80,9 @@ class WaypointFollower:
     def restore(self, saved: FollowerState) -> None:
         """Go on from where ``save`` was called, and forget waypoints that were added since then."""
         self.waypoints_xy, self.target, self.antenna_xy = saved
+
+    def _horizontal(self, geodetic: ArrayLike) -> Array:
+        return horizontal_from_geodetic(geodetic, self._origin)
 
     def _arrive(self, antenna_xy: Array) -> None:
         self.antenna_xy = antenna_xy
@@ -104,17 +108,17 @@ def turn_rate(heading_error: float, control: ControlConfig) -> float:
     return min(max(rate, -control.max_turn_rate), control.max_turn_rate)
 
 
-def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
-    """World x, y (..., 2) [m] of latitude and longitude (..., 2) [deg] at height 0."""
+def horizontal_from_geodetic(geodetic: ArrayLike, origin: Origin = PAPER_ORIGIN) -> Array:
+    """World x, y (..., 2) [m] of latitude and longitude (..., 2) [deg] at the height of the origin."""
     latitude_longitude = np.asarray(geodetic, np.float64)
-    height = np.zeros((*latitude_longitude.shape[:-1], 1))
-    return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]
+    height = np.full((*latitude_longitude.shape[:-1], 1), origin.height)
+    return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1), origin)[..., :2]
 
 
-def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
+def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount, origin: Origin = PAPER_ORIGIN) -> Array:
     """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
     lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
-    return geodetic_from_world(position + lever)
+    return geodetic_from_world(position + lever, origin)
 
 
 def heading(quaternion_wxyz: Array) -> float:

@@ -75,7 +75,7 @@ class TrialDrive:
 
     def reached(self, corners: Array) -> int:
         """Drive start and waypoints (1 + n, 2) [m], and return how many waypoints the robot reaches."""
-        route = route_from_metres(corners[0].tolist(), corners[1:].tolist())
+        route = route_from_metres(corners[0].tolist(), corners[1:].tolist(), self._world.origin)
         with suppress(DriveError):
             drive = self._back_to(route)
             for row in range(len(self._waypoints), len(route.waypoints)):
@@ -179,8 +179,8 @@ def _planned(
     ground, simulator = Traversability(world, experiment.rig), KinematicSimulator(experiment, world.terrain.field)
     route = experiment.route
     if not isinstance(route, RandomRouteConfig):
-        planned = geodetic_route(route)
-        check_route(ground, simulator, metres_from_route(planned))
+        planned = geodetic_route(route, world.origin)
+        check_route(ground, simulator, metres_from_route(planned, world.origin))
         return planned, None
     rng = np.random.default_rng(route.random.seed)
     trial, longest = TrialDrive(world, experiment, progress) if verify else None, 0.0
@@ -189,9 +189,9 @@ def _planned(
         longest = max(longest, length)
         if corners is None:
             continue
-        planned = route_from_metres(corners[0].tolist(), corners[1:].tolist())
+        planned = route_from_metres(corners[0].tolist(), corners[1:].tolist(), world.origin)
         with suppress(RouteError, DriveError):
-            check_route(ground, simulator, metres_from_route(planned))
+            check_route(ground, simulator, metres_from_route(planned, world.origin))
             return planned, None if trial is None else trial.finish()
     raise RouteError(
         f"no free route of {route.random.length_m:g} m found in {world.name} (seed {world.seed}); "
@@ -212,7 +212,7 @@ def expected_path(experiment: Experiment, world: World) -> Array:
         RouteError: no free random route was found.
     """
     route = plan_route(world, experiment) if isinstance(experiment.route, RandomRouteConfig) else experiment.route
-    legs, _ = KinematicSimulator(experiment).drive_route(metres_from_route(route))
+    legs, _ = KinematicSimulator(experiment).drive_route(metres_from_route(route, world.origin))
     return np.concatenate(legs)
 
 
@@ -241,7 +241,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     reach, rng = max(_REACH, ground.robot_radius), np.random.default_rng(config.seed)
     corners = None
     if experiment.route is not None:
-        corners = metres_from_route(plan_route(world, experiment, verify=False))
+        corners = metres_from_route(plan_route(world, experiment, verify=False), world.origin)
 
     def free(points: Array) -> Mask:
         near = True if corners is None else _distance_to_line(points, corners) <= config.aside_m

@@ -73,7 +73,8 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
         DriveError: the robot gets stuck, tips over, touches an obstacle, drives into water or leaves the world.
         RouteError: a random route that was not planned.
     """
-    return Drive(world, experiment, geodetic_route(experiment.route), progress).finish(experiment.seconds)
+    route = geodetic_route(experiment.route, world.origin)
+    return Drive(world, experiment, route, progress).finish(experiment.seconds)
 
 
 class RobotState(NamedTuple):
@@ -121,14 +122,16 @@ class Drive:
         route: RouteConfig,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        self._rig, self._progress = experiment.rig, progress
-        self._follower = WaypointFollower(route.waypoints, experiment.control)
+        self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
+        self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
         self.robot = SimulatedRobot(world, self._rig, self._monitor, soil)
         self.end: float = math.inf
         """Physics step at which the drive ends: infinite until it is limited, or the last waypoint is reached."""
-        self._state = self.robot.spawn(horizontal_from_geodetic(route.start), self._follower.waypoints_xy[0])
+        self._state = self.robot.spawn(
+            horizontal_from_geodetic(route.start, world.origin), self._follower.waypoints_xy[0]
+        )
         self._blocks, self._commands, self._periods, self._fixes = list[Array](), list[Command](), 0, 0
         self._sweep, self._arrived = sweep_steps(self._rig), False
         self._read_fix(self._state)
@@ -239,7 +242,8 @@ class Drive:
         return True
 
     def _read_fix(self, state: Array) -> None:
-        latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.first(Fix).mount)
+        mount = self._rig.first(Fix).mount
+        latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], mount, self._origin)
         self._follower.update_fix(float(latitude), float(longitude))
 
 

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Final, Literal, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from fieldtruth.core import geodesy
 from fieldtruth.core.errors import RouteError
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Number, Positive
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
@@ -205,10 +205,12 @@ DECIMALS: Final = 9
 """Decimals of a degree: 0.1 mm on the ground."""
 
 
-def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float]]) -> RouteConfig:
-    """Make a geodetic route of points (x north, y west) [m] in the world frame, at the height of its origin."""
+def route_from_metres(
+    start: Sequence[float], waypoints: Sequence[Sequence[float]], origin: Origin = PAPER_ORIGIN
+) -> RouteConfig:
+    """Make a geodetic route of points (x north, y west) [m] in the world frame, at the height of its ``origin``."""
     points = np.array([start, *waypoints], np.float64)
-    geodetic = geodesy.geodetic_from_world(np.column_stack([points, np.zeros(len(points))]))
+    geodetic = geodetic_from_world(np.column_stack([points, np.zeros(len(points))]), origin)
     pairs = [
         (round(float(latitude), DECIMALS), round(float(longitude), DECIMALS)) for latitude, longitude, _ in geodetic
     ]
@@ -220,8 +222,8 @@ def random_route(length_m: float, seed: int) -> RandomRouteConfig:
     return RandomRouteConfig(random=RandomConfig(length_m=length_m, seed=seed))
 
 
-def geodetic_route(route: Route | None) -> RouteConfig:
-    """Return the route with its points in degrees.
+def geodetic_route(route: Route | None, origin: Origin = PAPER_ORIGIN) -> RouteConfig:
+    """Return the route with its points in degrees; ``origin`` is that of the world.
 
     Raises:
         RouteError: no route, as in an experiment with a track file; or a random one, which must be planned first.
@@ -233,27 +235,29 @@ def geodetic_route(route: Route | None) -> RouteConfig:
             "a random route has no waypoints before it is planned; call fieldtruth.plan_route(world, experiment)"
         )
     if isinstance(route, MetresRouteConfig):
-        return route_from_metres(route.metres.start, route.metres.waypoints)
+        return route_from_metres(route.metres.start, route.metres.waypoints, origin)
     return route
 
 
-def metres_from_route(route: Route | None) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Start and n waypoints (1 + n, 2) of a route as x, y [m] in the world frame.
+def metres_from_route(
+    route: Route | None, origin: Origin = PAPER_ORIGIN
+) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Start and n waypoints (1 + n, 2) of a route as x, y [m] in the world frame of an ``origin``.
 
     Raises:
         RouteError: as for ``geodetic_route``.
     """
     if isinstance(route, MetresRouteConfig):
         return np.array([route.metres.start, *route.metres.waypoints], np.float64)
-    route = geodetic_route(route)
+    route = geodetic_route(route, origin)
     points = np.array([route.start, *route.waypoints], np.float64)
-    return geodesy.world_from_geodetic(np.column_stack([points, np.zeros(len(points))]))[:, :2]
+    return world_from_geodetic(np.column_stack([points, np.full(len(points), origin.height)]), origin)[:, :2]
 
 
-def route_yaml(route: RouteConfig) -> str:
+def route_yaml(route: RouteConfig, origin: Origin = PAPER_ORIGIN) -> str:
     """Return the ``route:`` part of an experiment file, each point with its x, y [m] in a comment."""
     pairs = [route.start, *route.waypoints]
-    metres = np.round(metres_from_route(route), 1) + 0.0  # no -0.0
+    metres = np.round(metres_from_route(route, origin), 1) + 0.0  # no -0.0
     texts = [
         f"[{latitude:.{DECIMALS}f}, {longitude:.{DECIMALS}f}]  # x {x:5.1f} m, y {y:5.1f} m"
         for (latitude, longitude), (x, y) in zip(pairs, metres, strict=True)

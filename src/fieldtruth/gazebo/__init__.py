@@ -63,7 +63,7 @@ def write_gazebo(
             packages = {name: part if len(chosen) == 1 else part / name for name in chosen}
             for name, package in packages.items():
                 write_ros_package(package, world, sensors, name)
-                write_robot(package, sensors, name)
+                write_robot(package, sensors, name, world.origin)
             write_worlds(packages, world, beyond=beyond)
             if overwrite:
                 remove(target)

@@ -22,9 +22,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics
-from fieldtruth.core import geodesy, transforms
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.drive import physics
 from fieldtruth.drive.physics import FRICTION, body_boxes, skid_compensation
@@ -59,7 +60,7 @@ YELLOW: Final = (0.8, 0.6, 0.05)
 BLACK: Final = (0.12, 0.12, 0.12)
 
 
-def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
+def write_robot(folder: Path, rig: Rig, flavour: Flavour, origin: Origin = PAPER_ORIGIN) -> None:
     """Write the robot into ``folder``, the root of a package of one flavour.
 
     - ``models/husky/model.sdf`` and ``model.config``: the model for Gazebo without ROS (classic), or for the newer
@@ -74,7 +75,7 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
         ConfigurationError: a sensor that Gazebo does not have, see ``check_rig``.
     """
     check_rig(rig, [flavour])
-    values = _values(rig, flavour)
+    values = _values(rig, flavour) | {"origin": origin}
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
     version = "1.9" if flavour == "gz" else "1.7"
     words = {"robot": values["robot"], "sensors": _sensors(rig)}
@@ -100,7 +101,6 @@ def _values(rig: Rig, flavour: Flavour) -> dict[str, Any]:
         "rig": rig,
         "robot": robot_words(rig.robot),
         "topics": topics,
-        "geodesy": geodesy,
         "mount_pose": mount_pose,
         "view_pose": view_pose,
         "scan_angles": scan_angles,

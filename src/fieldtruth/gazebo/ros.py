@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.bag import topics
-from fieldtruth.core import geodesy
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
@@ -174,8 +173,8 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
 
 def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
     """Return what the waypoint node and the launch files read; start is base_link's pose in the world [m], [rad]."""
-    route, control = geodetic_route(experiment.route), experiment.control
-    start, ahead = metres_from_route(route)[:2]
+    route, control = geodetic_route(experiment.route, world.origin), experiment.control
+    start, ahead = metres_from_route(route, world.origin)[:2]
     yaw = float(np.arctan2(ahead[1] - start[1], ahead[0] - start[0]))
     position, quaternion = resting_pose(world.terrain.field, start, yaw, rig)
     roll, pitch, yaw = Rotation.from_quat(xyzw_from_wxyz(quaternion)).as_euler("xyz").tolist()
@@ -186,7 +185,7 @@ def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
         "experiment": experiment.name,
         "start": {name: round(value, 6) for name, value in zip(names, pose, strict=True)},
         **control.model_dump(),
-        "origin": [geodesy.ORIGIN_LATITUDE, geodesy.ORIGIN_LONGITUDE],
+        "origin": [world.origin.latitude, world.origin.longitude],
         "base_from_sensor": np.round(base_from_sensor, 15).tolist(),
         "waypoints": [list(waypoint) for waypoint in route.waypoints],
     }

@@ -20,7 +20,6 @@ import orjson
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import geodesy
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, PALETTE, Label
 from fieldtruth.drive.ground import HARD
@@ -495,5 +494,5 @@ def _scene(world: World, *, flat: bool) -> dict[str, Any]:
     light = _LIGHT | {"direction": -sun_direction(sun.azimuth_deg, sun.elevation_deg)}
     if flat:
         light |= {"ambient": np.ones(3), "sky": PALETTE[Label.SKY] / 255}
-    where = {"geodesy": geodesy, "heading": HEADING_DEG, "gravity": GRAVITY}
+    where = {"origin": world.origin, "heading": HEADING_DEG, "gravity": GRAVITY}
     return {"world": world, "flat": flat, "light": light, **where}

@@ -34,7 +34,6 @@ import fieldtruth
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_images, ground_tiles
 from fieldtruth.interchange.surfaces import Surface, beyond_edge, encode_image, mesh_surfaces, roughness, tinted
@@ -239,11 +238,12 @@ def decompose(poses: Array) -> tuple[Array, Array, Array]:
 
 
 def _description(world: World) -> dict[str, object]:
+    latitude, longitude, height = world.origin
     return {
         "environment": world.name,
         "seed": world.seed,
         "size_m": list(world.size),
-        "origin": {"latitude_deg": ORIGIN_LATITUDE, "longitude_deg": ORIGIN_LONGITUDE, "height_m": ORIGIN_HEIGHT},
+        "origin": {"latitude_deg": latitude, "longitude_deg": longitude, "height_m": height},
         "axes": "x north, y up, z east",
         "classes": [{"id": int(c.label), "name": c.name, "rgb": c.rgb} for c in CLASSES],
     }

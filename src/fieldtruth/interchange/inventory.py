@@ -293,7 +293,7 @@ def inventory_rows(world: World, items: Sequence[Item]) -> list[tuple[Value, ...
     inside = np.array([not item.beyond for item in items], np.bool_)
     # The terrain ends at the edge; beyond it objects stand with their origin on the ground.
     positions[inside, 2] = world.terrain.field.height_at(*positions[inside, :2].T)
-    geodetic = geodetic_from_world(positions)
+    geodetic = geodetic_from_world(positions, world.origin)
     measures: dict[str, Measures] = {}
     rows = []
     for item, position, (latitude, longitude, _) in zip(items, positions, geodetic, strict=True):

@@ -28,7 +28,6 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
 
 from fieldtruth.core.arrays import Float32Array, Index
 from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
-from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_images, ground_tiles
@@ -219,9 +218,9 @@ def _describe(stage: Usd.Stage, world: World) -> None:
             "environment": world.name,
             "seed": world.seed,
             "axes": "x north, y west, z up",
-            "originLatitudeDeg": ORIGIN_LATITUDE,
-            "originLongitudeDeg": ORIGIN_LONGITUDE,
-            "originHeightM": ORIGIN_HEIGHT,
+            "originLatitudeDeg": world.origin.latitude,
+            "originLongitudeDeg": world.origin.longitude,
+            "originHeightM": world.origin.height,
         }
     }
 

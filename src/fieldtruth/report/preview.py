@@ -153,7 +153,7 @@ def collect_content(
         sensors = new_sensors(SensorWorld(world, ideal, baked=baked))
     paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
-        Route(each.name, metres_from_route(each.route), path[:, :2])
+        Route(each.name, metres_from_route(each.route, world.origin), path[:, :2])
         for each, path in zip(experiments, paths, strict=True)
     )
     along = [poses_along(path, spacing) for path in paths]

@@ -16,6 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -125,6 +126,11 @@ class Context:
     """Objects of ``objects_topic``; the row is the object's id."""
     jobs: deque[Callable[[], Sequence[Tally]]] = field(default_factory=deque)
     """Work for threads, in order; each job returns the partial tallies that it has filled."""
+
+    @property
+    def origin(self) -> Origin:
+        """Origin of the world's frame; of a world that was not rebuilt that of built-in ones."""
+        return PAPER_ORIGIN if self.rebuilt is None else self.rebuilt.world.origin
 
     @property
     def experiment(self) -> Experiment | None:

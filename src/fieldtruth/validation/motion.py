@@ -269,7 +269,7 @@ class Drive(Checker):
         try:
             if experiment.frames is not None:
                 raise RouteError("frames do not begin at the start of a route")
-            corners = metres_from_route(experiment.route)
+            corners = metres_from_route(experiment.route, self._context.origin)
         except FieldtruthError:
             pass  # a random route has no waypoints before it is planned, a track file and frames have none
         else:
@@ -336,7 +336,8 @@ class Commands(Checker):
             self._tally.skipped = "the IMU or the GNSS receiver that steers the robot is not enabled"
             return
         try:
-            self._follower = WaypointFollower(geodetic_route(experiment.route).waypoints, experiment.control)
+            route = geodetic_route(experiment.route, context.origin)
+            self._follower = WaypointFollower(route.waypoints, experiment.control, context.origin)
         except FieldtruthError:
             return  # a random route has no waypoints before it is planned, a track file has none
         context.motion.when_known(0, self._see_start)
@@ -360,5 +361,6 @@ class Commands(Checker):
     def _see_start(self) -> None:
         assert self._follower is not None
         state = self._context.motion.state(0)
-        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, self._position.mount)
+        mount, origin = self._position.mount, self._context.origin
+        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, mount, origin)
         self._follower.update_fix(float(antenna[0]), float(antenna[1]))

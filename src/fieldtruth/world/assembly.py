@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.world.litter import scatter_litter
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Instance, Mesh, Swarm, Terrain, World
@@ -35,6 +36,7 @@ def assemble(
     backdrop: Mesh,
     beyond: Sequence[FarSwarm] = (),
     litter: float = 0.0,
+    origin: Origin = PAPER_ORIGIN,
 ) -> World:
     """Make a world of a builder's objects and swarms, of the swarms ``beyond`` its edge, and of an amount of litter.
 
@@ -63,6 +65,7 @@ def assemble(
         backdrop=backdrop,
         water_level=builder.water_level,
         object_names=("husky", f"{name}_ground", *(i.name for i in builder.instances), *(s.name for s in swarms)),
+        origin=origin,
     )
 
 

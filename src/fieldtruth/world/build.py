@@ -17,6 +17,7 @@ from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.classes import Label
 from fieldtruth.core.files import atomic_output
+from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.parallel import check_memory
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
@@ -198,7 +199,7 @@ def read_world(path: Path) -> World:
                 return dict(entry["mapping"])
 
     world: World = json.loads(text, object_hook=made)
-    return world
+    return replace(world, origin=Origin(*world.origin))
 
 
 def _as_json(value: Any, data: bytearray) -> Any:

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
@@ -295,6 +296,8 @@ class World:
     """Changes to the environment's layout with which it was built."""
     object_names: tuple[str, ...] = field(default=())
     """Name of each instance id; 0 is the robot, 1 the ground."""
+    origin: Origin = PAPER_ORIGIN
+    """Origin of the frame on the Earth."""
 
     @classmethod
     def from_meshes(cls, meshes: Iterable[Any], *, ground: float | None = None) -> "World":

@@ -20,13 +20,7 @@ import pymap3d
 from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.core.geodesy import (
-    ORIGIN_HEIGHT,
-    ORIGIN_LATITUDE,
-    ORIGIN_LONGITUDE,
-    geodetic_from_world,
-    world_from_geodetic,
-)
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.core.random import GaussMarkov
 from fieldtruth.drive.controller import antenna_geodetic
 from fieldtruth.drive.track import STEP_NS, Motion, Stamps, steps_at_rate
@@ -104,13 +98,13 @@ def positions(almanac: Almanac, seconds: Array) -> Array:
     )
 
 
-def directions(almanac: Almanac, seconds: Array) -> Array:
-    """Unit vectors (t, n, 3) in the world frame (north, west, up) from its origin to the satellites.
+def directions(almanac: Almanac, seconds: Array, origin: Origin = PAPER_ORIGIN) -> Array:
+    """Unit vectors (t, n, 3) in the world frame (north, west, up) from its ``origin`` to the satellites.
 
     Seen from elsewhere in a world of 1 km they differ by 3e-5 rad; the signal's travel turns the Earth by 5e-6 rad.
     """
     x, y, z = np.moveaxis(positions(almanac, seconds), -1, 0)
-    east, north, up = pymap3d.ecef2enu(x, y, z, ORIGIN_LATITUDE, ORIGIN_LONGITUDE, ORIGIN_HEIGHT)
+    east, north, up = pymap3d.ecef2enu(x, y, z, *origin)
     vectors = np.stack([north, -east, up], axis=-1)
     unit: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return unit
@@ -400,21 +394,21 @@ class GnssReadings:
 class GnssTruth:
     """True positions of an antenna, which go on as a motion grows."""
 
-    def __init__(self, config: GnssConfig) -> None:
-        self._config, self._until_ns = config, 0
+    def __init__(self, config: GnssConfig, origin: Origin = PAPER_ORIGIN) -> None:
+        self._config, self._origin, self._until_ns = config, origin, 0
 
     def extend(self, motion: Motion) -> GnssReadings:
         """Return the geodetic positions that are due since the call before."""
         config, end_ns = self._config, int(motion.stamps_ns[-1])
         rows = steps_at_rate(config.rate_hz, end_ns, self._until_ns) - int(motion.stamps_ns[0]) // STEP_NS
         self._until_ns = end_ns
-        geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
+        geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount, self._origin)
         return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
 
 
-def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
-    """Return the geodetic positions of the antenna along a motion."""
-    return GnssTruth(config).extend(motion)
+def read_gnss(motion: Motion, config: GnssConfig, origin: Origin = PAPER_ORIGIN) -> GnssReadings:
+    """Return the geodetic positions of the antenna along a motion in a world of an ``origin``."""
+    return GnssTruth(config, origin).extend(motion)
 
 
 NO_FIX: Final = -1
@@ -436,10 +430,12 @@ class Sky(NamedTuple):
     """(t, n)."""
 
 
-def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: GnssSignal) -> Sky:
+def sky_at(
+    scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: GnssSignal, origin: Origin = PAPER_ORIGIN
+) -> Sky:
     """Return the sky above antenna positions (t, 3) [m] at stamps (t,); without a scene there are no obstacles."""
     seconds = seconds_of_week(signal.utc) + np.asarray(stamps_ns) / 1e9
-    toward = directions(read_almanac(signal.constellations), seconds)
+    toward = directions(read_almanac(signal.constellations), seconds, origin)
     sine = toward[..., 2]
     above = in_use(sine, np.full(sine.shape, 100.0), signal)
     amplitude = np.where(above, 1.0, 0.0)
@@ -458,10 +454,11 @@ class GnssErrors:
         config: the receiver.
         signal: its figures.
         seed: of the experiment.
+        origin: of the world.
     """
 
-    def __init__(self, config: GnssConfig, signal: GnssSignal, seed: int) -> None:
-        self._signal, self._step_s = signal, 1.0 / config.rate_hz
+    def __init__(self, config: GnssConfig, signal: GnssSignal, seed: int, origin: Origin = PAPER_ORIGIN) -> None:
+        self._signal, self._step_s, self._origin = signal, 1.0 / config.rate_hz, origin
 
         def rng(purpose: str) -> np.random.Generator:
             return random.rng_of(seed, config.name, purpose)
@@ -477,11 +474,11 @@ class GnssErrors:
 
     def extend(self, true: GnssReadings, scene: Scene | None) -> GnssReadings:
         """Return the next readings with what the receiver measures in a scene of obstacles."""
-        antennas = world_from_geodetic(true.geodetic)
-        fixes = [
-            self._fix(sky_at(scene, antennas[k : k + 1], true.stamps_ns[k : k + 1], self._signal), true.geodetic[k])
-            for k in range(len(true.stamps_ns))
-        ]
+        antennas = world_from_geodetic(true.geodetic, self._origin)
+        fixes = []
+        for k in range(len(true.stamps_ns)):
+            sky = sky_at(scene, antennas[k : k + 1], true.stamps_ns[k : k + 1], self._signal, self._origin)
+            fixes.append(self._fix(sky, true.geodetic[k]))
         return dataclasses.replace(true, fixes=self._joined(fixes))
 
     def _fix(self, sky: Sky, geodetic: Array) -> "_Fix":
@@ -499,7 +496,11 @@ class GnssErrors:
         self._state = state
         error, covariance = self._filter.follow(gain, errors, memory)
         found, exact = bool(np.isfinite(error[0])), signal.is_exact
-        moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + error)
+        moved = (
+            geodetic
+            if exact
+            else geodetic_from_world(world_from_geodetic(geodetic, self._origin) + error, self._origin)
+        )
         return _Fix(
             geodetic=moved if found else np.full(3, np.nan),
             covariance=covariance if found and not exact else np.zeros((3, 3)),

@@ -46,8 +46,9 @@ class Gnss(MotionSensor):
 
     def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
         """Return the true positions and the errors of a real receiver, which go on as the motion grows."""
-        config, seed = self.config, self.sensor_world.seed
-        return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, seed)
+        config, seed, origin = self.config, self.sensor_world.seed, self.sensor_world.world.origin
+        errors = None if config.signal is None else GnssErrors(config, config.signal, seed, origin)
+        return GnssTruth(config, origin), errors
 
     def extend(self, memory: tuple[GnssTruth, GnssErrors | None], track: Track) -> tuple[GnssReadings, GnssReadings]:
         """Return the true positions of the antenna, and what the receiver measures of satellites above the scene."""
