@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Maps of a site as they are read: ground, trees with species that grow here, lines and areas of surfaces."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from matplotlib.path import Path as Outline
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.geodesy import Origin
+from fieldtruth.maps.canopy import read_canopy, read_canopy_points
+from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
+from fieldtruth.maps.inventory import read_inventory
+from fieldtruth.maps.osm import Feature, read_osm
+from fieldtruth.maps.trees import Tree, find_trees
+from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.plants import TREES
+from fieldtruth.world.relief import Axes
+
+TABLES: Final = (".csv", ".gpkg", ".geojson", ".json", ".shp")
+"""Endings of inventories of trees."""
+LASER: Final = (".las", ".laz")
+USUAL: Final = 14.0
+"""Height [m] of trees whose height no map says, in the mean; they vary by a quarter."""
+GENERA: Final[Mapping[str, str]] = {
+    "acer": "lime", "aesculus": "lime", "alnus": "alder", "betula": "birch", "carpinus": "beech", "fagus": "beech",
+    "fraxinus": "lime", "larix": "pine", "abies": "spruce", "picea": "spruce", "pseudotsuga": "spruce", "pinus": "pine",
+    "platanus": "lime", "populus": "birch", "prunus": "oak", "quercus": "oak", "salix": "willow", "tilia": "lime",
+    "ulmus": "lime", "needleleaved": "spruce", "broadleaved": "beech",
+}  # fmt: skip
+"""Species of ours by genus, or by type of leaf: the one whose crown and bark are nearest in form."""
+
+
+class Stem(NamedTuple):
+    """A tree to plant: position and height [m], radius of its crown [m], or NaN, and species."""
+
+    x: float
+    y: float
+    height: float
+    crown: float
+    species: str
+
+
+def read_elevation(config: Config) -> Elevation | None:
+    """Read the ground; None without an elevation model."""
+    file = config.elevation
+    if file is None:
+        return None
+    read = read_ground_points if file.path.suffix.lower() in LASER else read_raster
+    return read(
+        file.path,
+        config.place,
+        config.size,
+        crs=file.crs,
+        reference=file.reference,
+        geoid_height=file.geoid_height,
+    )
+
+
+def read_features(config: Config, origin: Origin) -> list[Feature]:
+    """Read OpenStreetMap; empty without it."""
+    return [] if config.map is None else read_osm(config.map.path, origin, config.size).features
+
+
+def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng: np.random.Generator) -> list[Stem]:
+    """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
+    trees = _read_trees(config, origin)
+    trees += [_mapped(each) for each in features if each.kind == "tree"]
+    at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
+    for wood in features:
+        if wood.kind == "wood" and wood.closed and not inside(wood, at).any():
+            trees += [Tree(x, y, None, None, None, wood.tags.get("leaf_type")) for x, y in _strewn(wood, config, rng)]
+    names, shares = list(config.species), np.array(list(config.species.values()))
+    stems = []
+    for tree in trees:
+        drawn = names[int(rng.choice(len(names), p=shares / shares.sum()))]
+        height = USUAL * float(np.clip(rng.normal(1.0, 0.25), 0.4, 1.6)) if tree.height is None else tree.height
+        crown = np.nan if tree.crown_radius is None else tree.crown_radius
+        stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn))
+    return stems
+
+
+def _read_trees(config: Config, origin: Origin) -> list[Tree]:
+    file = config.trees
+    if file is None:
+        return []
+    ending = file.path.suffix.lower()
+    if ending in TABLES:
+        return list(read_inventory(file.path, origin, config.size, crs=file.crs, columns=file.columns).trees)
+    if ending in LASER:
+        return list(find_trees(read_canopy_points(file.path, origin, config.size, crs=file.crs)))
+    return list(find_trees(read_canopy(file.path, origin, config.size, crs=file.crs)))
+
+
+def _mapped(feature: Feature) -> Tree:
+    x, y = feature.geometry[0].tolist()
+    tags = feature.tags
+    return Tree(x, y, feature.height, None, None, tags.get("species") or tags.get("leaf_type"))
+
+
+def species_of(text: str | None) -> str | None:
+    """Return our species of a name, Latin or English, or of a type of leaf; None if it says nothing."""
+    words = (text or "").lower().replace("_", " ").split()
+    return next((GENERA.get(word, word) for word in words if word in GENERA or word in TREES), None)
+
+
+def inside(feature: Feature, points: Array) -> Array:
+    """Mask (n,) of the points (n, 2) [m] that are in an area, and not in its holes."""
+    found = Outline(feature.geometry).contains_points(points)
+    for hole in feature.holes:
+        found &= ~Outline(hole).contains_points(points)
+    return np.asarray(found, np.bool_)
+
+
+def _strewn(wood: Feature, config: Config, rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Positions in an area, stratified, so that trees neither clump nor line up."""
+    low, high = wood.geometry.min(axis=0), wood.geometry.max(axis=0)
+    cells = np.maximum(1, np.ceil((high - low) * np.sqrt(config.trees_per_m2))).astype(int)
+    grid = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), axis=-1).reshape(-1, 2)
+    xy = low + (grid + rng.random(grid.shape)) / cells * (high - low)
+    return [(x, y) for x, y in xy[inside(wood, xy)].tolist()]
+
+
+def area_mask(features: Sequence[Feature], nodes: Axes) -> Array:
+    """Mask (nx, ny) of the nodes in some of the areas."""
+    x, y = nodes
+    mask = np.zeros((len(x), len(y)), np.bool_)
+    for each in features:
+        low, high = each.geometry.min(axis=0), each.geometry.max(axis=0)
+        i, j = (slice(*np.searchsorted(axis, (low[k], high[k]))) for k, axis in enumerate((x, y)))
+        points = np.stack(np.meshgrid(x[i], y[j], indexing="ij"), axis=-1)
+        mask[i, j] |= inside(each, points.reshape(-1, 2)).reshape(points.shape[:2])
+    return mask
