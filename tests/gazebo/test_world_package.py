@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 from sdf_reader import F8, Shape, matrix, resolve, shapes
 
 from fieldtruth.core import parallel
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
@@ -134,6 +135,68 @@ def test_numbers_of_obj_files_are_the_shortest_of_nine_digits() -> None:
     rows = np.array([[int(word.split("/")[0]) for word in words] for key, *words in lines if key == "f"])
     expected = surface.vertices.astype(np.float64).round(5)
     np.testing.assert_array_equal(np.sort(read[rows - 1].reshape(-1, 3), axis=0), np.sort(expected, axis=0))
+
+
+def shorter_diagonal(corners: Array) -> int:
+    """Corner from which a reader that takes the shorter diagonal divides a quad (4, 3): 0 or 1."""
+    return int(np.linalg.norm(corners[0] - corners[2]) > np.linalg.norm(corners[1] - corners[3]))
+
+
+def first_ear(corners: Array) -> int:
+    """Corner before the first ear in the plane of two axes that is nearest to the first three corners."""
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    axis = int(np.abs(normal).argmax())
+    flat = np.delete(corners, axis, axis=1)
+
+    def area(p: Array, q: Array, r: Array) -> float:
+        return float((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]))
+
+    whole = sum(area(np.zeros(2), flat[k], flat[(k + 1) % 4]) for k in range(4))
+    for k in range(4):
+        p, q, r, other = (flat[(k + step) % 4] for step in range(4))
+        sides = [area(p, q, other), area(q, r, other), area(r, p, other)]
+        if area(p, q, r) * whole > 0 and not (min(sides) > 0 or max(sides) < 0):
+            return k
+    return 0
+
+
+def concave_corner(corners: Array) -> int:
+    """Corner whose angles to the diagonal sum to more than half a turn, where Assimp begins; else the first."""
+    for k in range(4):
+        sides = [corners[(k + step) % 4] - corners[k] for step in (1, 2, 3)]
+        left, diagonal, right = (side / np.linalg.norm(side) for side in sides)
+        if np.arccos(np.clip(left @ diagonal, -1, 1)) + np.arccos(np.clip(right @ diagonal, -1, 1)) > np.pi:
+            return k
+    return 0
+
+
+def test_a_quad_is_divided_again_into_its_two_triangles_by_every_rule() -> None:
+    """Of folded and bent pairs of triangles; those that a rule would divide otherwise stay triangles."""
+    rng, merged = np.random.default_rng(5), 0
+    for _ in range(3000):
+        points = rng.normal(size=(4, 3)) * (1.0, 1.0, rng.choice([0.0, 0.1, 1.0]))
+        faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+        up, uv = np.tile(np.array([0, 0, 1], np.float32), (4, 1)), np.zeros((4, 2), np.float32)
+        surface = Surface(
+            material="bark", label=Label.TRUNK, vertices=points.astype(np.float32), normals=up, uv=uv, faces=faces
+        )
+        lines = [line.split() for line in obj_text(surface, "bark.mtl").decode().splitlines()]
+        read = np.array([words for key, *words in lines if key == "v"], np.float64)
+        rows = [[int(word.split("/")[0]) - 1 for word in words] for key, *words in lines if key == "f"]
+        expected = {
+            frozenset(map(tuple, points.astype(np.float32).astype(np.float64).round(5)[face])) for face in faces
+        }
+        for rule in (lambda _: 0, shorter_diagonal, first_ear, concave_corner):
+            found = set()
+            for row in rows:
+                corners = read[row]
+                start = rule(corners) if len(row) == 4 else 0
+                for step in range(len(row) - 2):
+                    turned = [row[(start + k) % len(row)] for k in (0, step + 1, step + 2)]
+                    found.add(frozenset(map(tuple, read[turned])))
+            assert found == expected, (rule, points)
+        merged += len(rows) == 1
+    assert merged > 500
 
 
 def test_members_of_swarms_that_share_files_are_the_same_triangles(

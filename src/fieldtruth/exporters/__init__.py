@@ -139,8 +139,7 @@ def export(
         BagError: a bag cannot be read, or lacks what the format needs.
         OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
-    splits = split is not None or shard_mb is not None
-    _check_options(to, {"publishes": splits, "boxes": boxes, "voxel_m": voxel_m is not None})
+    _check_options(to, {"publishes": (split, shard_mb) != (None, None), "boxes": boxes, "voxel_m": voxel_m is not None})
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
     target = Path() if out is None else _checked_output(to, out)
@@ -153,11 +152,16 @@ def export(
     if out is None:
         target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
+    _warn_of_left_out(to, runs, target.name)
+    return target
+
+
+def _warn_of_left_out(to: str, runs: Sequence[Run], name: str) -> None:
+    """Name the sensors whose readings a format cannot hold, to the caller of ``export``."""
     others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
     if others and not FORMATS[to].copies:
-        text = f"left out of {target.name}, as {to} cannot hold their readings: {', '.join(others)}"
-        warnings.warn(text, FieldtruthWarning, stacklevel=2)
-    return target
+        text = f"left out of {name}, as {to} cannot hold their readings: {', '.join(others)}"
+        warnings.warn(text, FieldtruthWarning, stacklevel=3)
 
 
 def _check_options(to: str, asked: dict[str, bool]) -> None:

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core import geodesy
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, PALETTE, Label
 from fieldtruth.drive.ground import HARD
 from fieldtruth.experiment.light_config import LightConfig
@@ -236,6 +238,8 @@ SOLID: Final = (4, 3, 2)
 COARSE: Final = (4, 3, 1)
 """For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
 Decimals = tuple[int, int, int]
+CONVEX: Final = 3.1
+"""Largest angle [rad] at a corner of a quad that no reader takes for concave."""
 
 
 def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> bytes:
@@ -288,7 +292,7 @@ def _counted(count: int) -> NDArray[np.uint8]:
 def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Quads (q, 4, 3) of faces (n, 3, 3) that follow one another and share an edge, and the faces that are left.
 
-    The edge from the first corner to the third is the shorter diagonal, so that every tool divides a quad there again.
+    Every tool divides a quad again along the edge from the first corner to the third; see ``_divides_again``.
     """
     sizes = corners.max(axis=(0, 1), initial=0) + 1
     key = (corners[..., 0] * sizes[1] + corners[..., 1]) * sizes[2] + corners[..., 2]
@@ -300,13 +304,32 @@ def _quads(corners: NDArray[np.intp], points: NDArray[np.float64]) -> tuple[NDAr
     turn, turn_next = np.divmod(turns[rows], 3)
     first = corners[rows[:, None], (np.arange(3) - turn[:, None]) % 3]
     pairs = np.concatenate([first, corners[rows + 1, (2 - turn_next) % 3][:, None]], axis=1)
-    a, b, c, d = np.moveaxis(points[pairs[..., 0]], 1, 0)
     fits = turns >= 0
-    fits[rows] = np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
+    fits[rows] = _divides_again(*np.moveaxis(points[pairs[..., 0]], 1, 0))
     at = np.arange(len(fits))
     start = np.maximum.accumulate(np.where(fits, 0, at + 1))  # of the row of pairs that fit
     chosen = np.flatnonzero(fits & ((at - start) % 2 == 0))
     return pairs[np.searchsorted(rows, chosen)], np.delete(corners, [chosen, chosen + 1], axis=0)
+
+
+def _divides_again(a: Array, b: Array, c: Array, d: Array) -> Mask:
+    """Mask of quads of corners (n, 3) that readers of OBJ files divide along a to c; twisted ones would change shape.
+
+    Gazebo's tinyobjloader takes the shorter diagonal or, in older versions, cuts the first ear that it finds, in the
+    plane of two axes that is nearest to the first three corners; Assimp begins at a corner that it takes for concave.
+    """
+    first, second = np.cross(b - a, c - a), np.cross(c - a, d - a)
+    axis = np.abs(first).argmax(axis=1)[:, None]
+    one, other = (np.take_along_axis(normal, axis, axis=1)[:, 0] for normal in (first, second))
+    seen = one * other > 0.04 * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    shorter = np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
+    convex = [_angle(a - p, q - p) + _angle(c - p, q - p) < CONVEX for p, q in ((b, d), (d, b))]
+    return np.asarray(seen & shorter & convex[0] & convex[1])
+
+
+def _angle(one: Array, other: Array) -> Array:
+    """Angles (n,) [rad] between vectors (n, 3)."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1)))
 
 
 def mtl_text(material: str, texture: str) -> str:
