@@ -90,6 +90,8 @@ def main() -> None:
     parser.add_argument("only", nargs="?", choices=["cast"])
     parser.add_argument("--millions", type=int, default=1, help="random rays, in units of 2^20 (default: 1)")
     arguments = parser.parse_args()
+    if arguments.millions < 1:
+        parser.error(f"argument --millions: must be at least 1, got {arguments.millions}")
     compare_casts(arguments.millions << 20)
     if arguments.only:
         return

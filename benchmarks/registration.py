@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drift of KISS-ICP over seeds of a world, and of point-to-plane registration of the same clouds: docs/slam.md.
 
-Run: python benchmarks/registration.py [--env hillside] [--seeds 1 ... 10] [--seconds 20] [--out DIR]
+Run: python benchmarks/registration.py [--environment hillside] [--seeds 1 ... 10] [--seconds 20] [--out DIR]
 
 It needs: pip install kiss-icp. For each seed it records the environment's first experiment without cameras and prints a
 row: path, KISS-ICP with its default settings, with the true motion as its first guess, with voxels of 0.5 m; then ours,
@@ -189,15 +189,17 @@ def near_of(drive: Drive) -> list[Array]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", default="hillside")
+    parser.add_argument("--environment", default="hillside", choices=["park", "lake", "forest", "hillside"])
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(1, 11)))
     parser.add_argument("--seconds", type=float, default=20.0, help="simulated time of each run")
     parser.add_argument("--out", type=Path, default=Path("registration"))
     options = parser.parse_args()
+    if not 1.0 <= options.seconds <= 3600.0:
+        parser.error(f"argument --seconds: must be between 1 and 3600, got {options.seconds:g}")
     print("| seed | path m | KISS-ICP | true first guess | voxels 0.5 m | point to plane | in the true map |")
     print("|---" * 7 + "|", flush=True)
     for seed in options.seeds:
-        drive = drive_of(recorded(options.env, seed, options.seconds, options.out))
+        drive = drive_of(recorded(options.environment, seed, options.seconds, options.out))
         true = drive.poses[:, :3, 3]
         path = float(np.linalg.norm(np.diff(true, axis=0), axis=1).sum())
         row = [aligned_error(kiss(drive, *how)[:, :3, 3], true) for how in ((), (None, True), (0.5,))]

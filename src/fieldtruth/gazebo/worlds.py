@@ -238,6 +238,8 @@ SOLID: Final = (4, 3, 2)
 COARSE: Final = (4, 3, 1)
 """For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
 Decimals = tuple[int, int, int]
+EDGE_ON: Final = 0.04
+"""Product of cosines to an axis below which the triangles of a quad are seen from their edge, or one from behind."""
 CONVEX: Final = 3.1
 """Largest angle [rad] at a corner of a quad that no reader takes for concave."""
 
@@ -316,12 +318,13 @@ def _divides_again(a: Array, b: Array, c: Array, d: Array) -> Mask:
     """Mask of quads of corners (n, 3) that readers of OBJ files divide along a to c; twisted ones would change shape.
 
     Gazebo's tinyobjloader takes the shorter diagonal or, in older versions, cuts the first ear that it finds, in the
-    plane of two axes that is nearest to the first three corners; Assimp begins at a corner that it takes for concave.
+    plane of two axes that is nearest to the first three corners; Assimp begins at a corner that it takes for concave
+    (rules from memory; Gazebo 11 confirms the result, docs/gazebo.md).
     """
     first, second = np.cross(b - a, c - a), np.cross(c - a, d - a)
     axis = np.abs(first).argmax(axis=1)[:, None]
     one, other = (np.take_along_axis(normal, axis, axis=1)[:, 0] for normal in (first, second))
-    seen = one * other > 0.04 * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    seen = one * other > EDGE_ON * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
     shorter = np.linalg.norm(a - c, axis=1) < 0.999 * np.linalg.norm(b - d, axis=1)
     convex = [_angle(a - p, q - p) + _angle(c - p, q - p) < CONVEX for p, q in ((b, d), (d, b))]
     return np.asarray(seen & shorter & convex[0] & convex[1])
