@@ -36,8 +36,8 @@ ONCE = {
 }  # fmt: skip
 OTHER = LabelMap(
     "other",
-    (200 + np.arange(18)).astype(np.uint8),
-    {200 + k: OntologyClass(f"class {k}", (k, 255 - k, 7 * k)) for k in range(18)},
+    (200 + np.arange(20)).astype(np.uint8),
+    {200 + k: OntologyClass(f"class {k}", (k, 255 - k, 7 * k)) for k in range(20)},
 )
 
 

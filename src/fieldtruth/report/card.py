@@ -15,7 +15,7 @@ from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.messages import fixed_transforms
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import CLASSES, NO_RETURN
+from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading
 from fieldtruth.core.templates import templates
@@ -175,7 +175,7 @@ def data_card(
         sensors=[*sensor_lines(rig), *measured],
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
-        classes=CLASSES,
+        classes=world.classes,
         no_return=NO_RETURN,
         frames=_frames(rig),
         odometry=note_lines(rig, Odometry),

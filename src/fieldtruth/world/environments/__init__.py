@@ -16,6 +16,7 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
 
@@ -63,6 +64,15 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
         )
     },
 )
+
+
+WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper, which have neither buildings nor fences."""
+
+
+def classes_of(environment: str) -> ClassTable:
+    """Return the classes that a world of an environment may have."""
+    return CLASSES.without(*OF_MAPS) if environment in WITHOUT_MAPS else CLASSES
 
 
 def list_environments() -> dict[str, str]:
