@@ -63,6 +63,8 @@ class Material:
     """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
     """Ground type, a name in ``materials.GROUND_TYPES``; empty for anything else."""
+    reflectance: float | None = None
+    """Of a LiDAR's light; None for that of its ground type, texture or class."""
 
     @property
     def images(self) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Collider:
-    """An upright primitive that replaces a mesh in the physics, in the object's frame.
+    """An upright primitive, or a convex body, that replaces a mesh in the physics, in the object's frame.
 
     ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: base centre.
     """
@@ -81,6 +83,8 @@ class Collider:
     size: tuple[float, ...]
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
+    points: tuple[tuple[float, float, float], ...] = ()
+    """Corners [m] of a convex body, whose bounding box the other values are; empty for a primitive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -420,7 +424,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         here = f"{where} ({node or name})" if node or name else where
         if name in TAKEN:
             raise ConfigurationError(f"{here}: name must not be {name!r}, which the robot or the ground has")
-        label = _label(part.label, node or name, metadata.get("label", ""), here)
+        label = label_of(part.label, node or name, metadata.get("label", ""), here)
         pose = outer @ _pose(inner, here)
         corners = _corners(mesh, here) @ pose[:3, :3].T + pose[:3, 3]
         if (far := float(np.abs(corners).max())) > FARTHEST:
@@ -444,7 +448,8 @@ def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
         raise ConfigurationError(f"{where}: expected (vertices, faces), or a mesh or scene of trimesh, got a {kind}")
 
 
-def _label(given: Any, node: str, own: Any, where: str) -> Label:
+def label_of(given: Any, node: str, own: Any, where: str) -> Label:
+    """Return the class that is given for all nodes or by a pattern of their names, else the ``own`` one of a mesh."""
     if isinstance(given, Mapping):
         given = next((value for pattern, value in given.items() if fnmatchcase(node, pattern)), "")
     value = own if isinstance(given, str) and given == "" else given
