@@ -119,8 +119,9 @@ def _solids(world: World, points: Array) -> Iterator[_Found]:
     ground = world.terrain.field.height_at(points[:, 0], points[:, 1])
     yield _Found(every, ground - points[:, 2], "below the ground")
     if world.water_level is not None:
-        wet = every[ground < world.water_level]
-        yield _Found(wet, world.water_level - points[wet, 2], "under water")
+        level = world.water_at(points[:, 0], points[:, 1])
+        wet = every[ground < level]
+        yield _Found(wet, level[wet] - points[wet, 2], "under water")
     plan = KDTree(points[:, :2])
     for instance in world.instances:
         for collider in world.meshes[instance.mesh].colliders:

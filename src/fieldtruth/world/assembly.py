@@ -118,7 +118,7 @@ def cut_at_edge(world: World) -> World:
 
 def used_materials(terrain: Terrain, meshes: Iterable[Mesh]) -> set[str]:
     """Names of the materials that a terrain or a mesh has."""
-    ground = {*terrain.ground_materials, terrain.trail_material, terrain.border_material}
+    ground = {*terrain.ground_materials, *terrain.trail_materials}
     return ground.union(*(mesh.materials for mesh in meshes))
 
 

@@ -21,6 +21,7 @@ from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.grids import BUILT_IN, Line, Trail
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Swarm
+from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Swarm
 
 
 class Circles:
@@ -277,7 +278,7 @@ class WorldBuilder:
     corridors: Sequence[Line]
     """Centre lines of the strips that stay free of obstacles, ``corridor_width`` [m] wide."""
     corridor_width: float = 2.0
-    water_level: float | None = None
+    water_level: float | Raster | None = None
     meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict, init=False)
     instances: list[Instance] = dataclasses.field(default_factory=list, init=False)
     swarms: list[Swarm] = dataclasses.field(default_factory=list, init=False)

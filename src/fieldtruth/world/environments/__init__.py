@@ -58,11 +58,13 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-            ("site", "a place of your own: ground, trees, paths and surfaces from maps"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
     },
 )
+
+SITE: Final = Environment("a place of your own: ground, trees, paths and surfaces from maps", f"{__name__}.site")
+"""Environment of every site; it has no entry, because a site is named by its file."""
 
 
 def list_environments() -> dict[str, str]:

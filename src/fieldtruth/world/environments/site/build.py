@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Mask
@@ -181,7 +182,7 @@ def cover_ground(
     )
 
 
-def surfaces(config: Config, features: Sequence[Feature], nodes: Axes) -> tuple[list[str], Array]:
+def surfaces(config: Config, features: Sequence[Feature], nodes: Axes) -> tuple[list[str], NDArray[np.int8]]:
     """Materials in the open, the site's own first, and the number of that of each node (nx, ny).
 
     Areas come with the largest first, so that one in another covers it.
