@@ -20,8 +20,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.grids import BUILT_IN, Line, Trail
-from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Swarm
-from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Swarm
+from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Swarm
 
 
 class Circles:

@@ -9,9 +9,8 @@ the folder, is refused before anything is read.
 import json
 import struct
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import unquote
 
 import numpy as np
@@ -21,6 +20,8 @@ from PIL import Image
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.kernels.textures import linear_from_srgb
+from fieldtruth.world.objects.content import FileContent, Look, Part, gloss_of, pixels, shares
+from fieldtruth.world.objects.usd import named_files, read_usd
 
 MOST_BYTES: Final = 1 << 30
 """Size [byte] of a file at most."""
@@ -29,37 +30,6 @@ COLOURS: Final = 8
 """Colours to which those of vertices are reduced: a material has one."""
 _COMPRESSED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
 """Extensions of glTF that hide the data of a file."""
-
-
-class Look(NamedTuple):
-    """Appearance of a surface by the file: its name, a linear colour, an image (h, w, 3) sRGB, and gloss 0 to 1."""
-
-    name: str = ""
-    rgb: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    image: NDArray[np.uint8] | None = None
-    gloss: float = 0.0
-
-
-class Part(NamedTuple):
-    """Triangles of one look: name of their node, corners by ``faces``, and uv (v up) by vertex where the file has it.
-
-    Vertices are in the file's unit and axes, with the poses of nodes applied.
-    """
-
-    name: str
-    vertices: Array  # (n, 3)
-    faces: NDArray[np.int64]  # (m, 3)
-    uv: Array | None  # (n, 2)
-    look: Look
-
-
-class FileContent(NamedTuple):
-    """Parts of a file, its unit [m] and axis that points up where the file says them, and what was left out."""
-
-    parts: list[Part]
-    unit: float | None
-    up: str | None
-    notes: list[str]
 
 
 def files_of(path: Path) -> list[Path]:
@@ -102,8 +72,6 @@ def _named(path: Path) -> Iterator[str]:
                 header = file.read(1 << 16).partition(b"end_header")[0].decode("latin-1")
             yield from (line.split(None, 2)[2].strip() for line in header.splitlines() if "TextureFile " in line)
         case ".usd" | ".usda" | ".usdc" | ".usdz":
-            from fieldtruth.world.objects.usd import named_files
-
             yield from named_files(path)
 
 
@@ -148,12 +116,7 @@ def read_file(path: Path) -> FileContent:
         ConfigurationError: a file that cannot be read, has no triangles or too many, or names one that is not allowed.
     """
     files_of(path)
-    if path.suffix.lower().startswith(".usd"):
-        from fieldtruth.world.objects.usd import read_usd
-
-        content = read_usd(path)
-    else:
-        content = _read_trimesh(path)
+    content = read_usd(path) if path.suffix.lower().startswith(".usd") else _read_trimesh(path)
     count = sum(len(part.faces) for part in content.parts)
     if count == 0:
         raise ConfigurationError(f"{path}: must have triangles, got none")
@@ -212,27 +175,3 @@ def _look(material: Any, notes: list[str]) -> Look:
     image = getattr(material, "baseColorTexture", getattr(material, "image", None))
     rough = getattr(material, "roughnessFactor", None)
     return Look(name, rgb, pixels(image, name, notes), 0.0 if rough is None else gloss_of(float(rough)))
-
-
-def shares(factor: Any) -> tuple[float, float, float]:
-    """Return red, green and blue of numbers 0 to 1, or of bytes."""
-    values = np.asarray(factor)
-    red, green, blue = (values[:3] / (255.0 if values.dtype.kind in "ui" else 1.0)).clip(0.0, 1.0).tolist()
-    return red, green, blue
-
-
-def gloss_of(roughness: float) -> float:
-    """Strength of the highlight of a surface of glTF's or USD's roughness; it is undone in ``interchange``."""
-    return float(np.clip((1.0 - roughness) / 0.7, 0.0, 1.0))
-
-
-def pixels(image: Any, name: str, notes: list[str]) -> NDArray[np.uint8] | None:
-    """Return the colours (h, w, 3) of an image, in which what is transparent is solid, for a triangle is either."""
-    if image is None:
-        return None
-    if not isinstance(image, Image.Image):
-        image = Image.open(BytesIO(image) if isinstance(image, bytes) else image)
-    rgba = np.asarray(image.convert("RGBA"))
-    if rgba[..., 3].min() < 128:
-        notes.append(f"transparent parts of the texture of {name or 'a material'} are solid")
-    return np.ascontiguousarray(rgba[..., :3])

@@ -19,7 +19,8 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, sugges
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
 from fieldtruth.world.objects.config import UNITS, ObjectConfig
-from fieldtruth.world.objects.files import FileContent, Part, read_file
+from fieldtruth.world.objects.content import FileContent, Part
+from fieldtruth.world.objects.files import read_file
 from fieldtruth.world.objects.surfaces import made_sound, solid_faces
 from fieldtruth.world.solids import TILE
 

@@ -14,7 +14,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, world_from_geodetic
-from fieldtruth.world.model import Heightfield, Instance, Swarm, Terrain
+from fieldtruth.world.model import Heightfield, Instance, Swarm, Terrain, water_at
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.objects.make import OwnObject, make_object
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
@@ -146,9 +146,7 @@ def _allowed(builder: WorldBuilder, terrain: Terrain, rule: ScatterConfig, where
     surface[terrain.trail_distance.at(*xy.T) < 0] = len(names) - 1
     wanted = [names.index(name) for name in rule.surface] or range(len(names) - 1)
     fits = np.isin(surface, wanted) & (np.hypot(*field.slope_at(*xy.T)) <= np.tan(np.radians(rule.slope)))
-    if builder.water_level is not None:
-        fits &= field.height_at(*xy.T) > builder.water_level
-    return np.asarray(fits)
+    return np.asarray(fits & (field.height_at(*xy.T) > water_at(builder.water_level, *xy.T)))
 
 
 def _clear_swarms(builder: WorldBuilder, added: Sequence[Instance], own: OwnObject) -> None:

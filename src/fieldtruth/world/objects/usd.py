@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.objects.files import FileContent, Look, Part, gloss_of, pixels, shares
+from fieldtruth.world.objects.content import FileContent, Look, Part, gloss_of, pixels, shares
 
 
 def _library() -> Any:
