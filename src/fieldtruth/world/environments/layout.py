@@ -23,6 +23,7 @@ from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
 from fieldtruth.world.model import Mesh
+from fieldtruth.world.objects.config import ObjectConfig
 from fieldtruth.world.placement import SwarmForm, SwarmSpec
 from fieldtruth.world.plants.deadwood import grow_snag
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
@@ -227,6 +228,7 @@ class GroundConfig(Frozen):
     snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
     plants: Mapping[str, tuple[str, ...]] = Field(default={}, description="lists of species by group of plants")
     litter: Annotated[Number, Field(ge=0, le=4)] = 1.0  # amount of leaves, twigs, stones, short grass on the ground
+    objects: tuple[ObjectConfig, ...] = Field(default=(), description="a list of objects from files")
 
     @field_validator("roughness")
     @classmethod
@@ -237,6 +239,15 @@ class GroundConfig(Frozen):
             if letter not in ISO_CLASSES:
                 raise ValueError(f"{name} must be one of the classes {', '.join(ISO_CLASSES)}, got {letter!r}")
         return classes
+
+    @field_validator("objects")
+    @classmethod
+    def _different_names(cls, objects: tuple[ObjectConfig, ...]) -> tuple[ObjectConfig, ...]:
+        titles = [each.title for each in objects]
+        for k, title in enumerate(titles):
+            if title in titles[:k]:
+                raise ValueError(f"two have the name {title!r}; give one of them a name of its own")
+        return objects
 
     @field_validator("plants")
     @classmethod

@@ -43,6 +43,7 @@ from fieldtruth.world.grids import (
     signed_distance,
 )
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     Density,
     FarSwarm,
@@ -445,6 +446,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
     trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
+    stand_objects(builder, config.objects)
     place_deadwood(builder, config, dead)
     plant_trees(builder, config, growth, trees)
     raise_roots(builder, roots)
@@ -470,4 +472,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
         backdrop=backdrop,
         beyond=far,
         litter=config.litter,
+        objects=config.objects,
     )
