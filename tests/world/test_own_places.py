@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world from maps: ground, trees, paths and surfaces are where the maps have them."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.world.build import build_world, read_world, save_world
+from fieldtruth.world.environments import ENVIRONMENTS, SITE
 from fieldtruth.world.model import World
 
 rasterio = pytest.importorskip("rasterio")
@@ -24,6 +26,13 @@ SIZE = (40.0, 30.0)
 TREES = ((-12.0, 8.0, 16.0, "Picea abies"), (9.0, -7.0, 7.5, "Fagus sylvatica"), (14.0, 9.0, 22.0, "Quercus"))
 PATH = ((-30.0, -4.0), (0.0, 0.0), (30.0, -4.0))
 FIELD = ((5.0, 5.0), (18.0, 5.0), (18.0, 13.0), (5.0, 13.0))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _environment() -> Iterator[None]:
+    ENVIRONMENTS["site"] = SITE
+    yield
+    del ENVIRONMENTS["site"]
 
 
 def slope(east: Any, north: Any) -> Any:

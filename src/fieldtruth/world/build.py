@@ -107,7 +107,8 @@ def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str
 
 def layout_model(environment: str) -> type[Frozen]:
     """Configuration of an environment's layout: counts, densities, sizes."""
-    model: type[Frozen] = _module(environment, "config").Config
+    config = _module(environment, "config")
+    model: type[Frozen] = config.model_of(environment) if hasattr(config, "model_of") else config.Config
     return model
 
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environments by name. This table imports nothing heavy, so that listing them is fast.
 
-An environment is a package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and
-``CORRIDORS``, the lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the
-function ``build``).
+An environment is one file of layers in ``data/environments``, of which the package ``layered`` makes worlds, or a
+package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and ``CORRIDORS``, the
+lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the function ``build``).
 Entry points of the group ``fieldtruth.environments`` name such packages, folders ``environments`` of FIELDTRUTH_PATH
 contain them.
 """
@@ -59,11 +59,13 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-            ("site", "a place of your own: ground, trees, paths and surfaces from maps"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
     },
 )
+
+SITE: Final = Environment("a place of your own: ground, trees, paths and surfaces from maps", f"{__name__}.site")
+"""Environment of every site; it has no entry, because a site is named by its file."""
 
 
 WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
