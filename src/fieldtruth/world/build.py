@@ -215,6 +215,8 @@ def _as_json(value: Any, data: bytearray) -> Any:
         return {"label": int(value)}
     if isinstance(value, tuple):
         return {"tuple": [_as_json(each, data) for each in value]}
+    if isinstance(value, list):
+        return [_as_json(each, data) for each in value]
     if isinstance(value, Mapping):
         return {"mapping": [[key, _as_json(each, data)] for key, each in value.items()]}
     return value
