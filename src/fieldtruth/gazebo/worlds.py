@@ -20,8 +20,6 @@ import orjson
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.arrays import Array
-from fieldtruth.core import geodesy
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, PALETTE, Label
 from fieldtruth.drive.ground import HARD

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
+from fieldtruth.experiment.environment_file import SITE
 
 
 class Environment(NamedTuple):
@@ -58,11 +59,19 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-            ("site", "a place of your own: ground, trees, paths and surfaces from maps"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
     },
 )
+
+
+FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surfaces from maps", f"{__name__}.{SITE}")}
+"""Environments without a layout of their own: the files of users are their layouts."""
+
+
+def find_environment(name: str, source: str = "") -> Environment:
+    """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
+    return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
 
 
 def list_environments() -> dict[str, str]:
