@@ -85,7 +85,7 @@ AddMesh = Callable[[Part, Surface], None]
 class Body:
     """A static model: its name in /gazebo/model_states, pose in the world, parts.
 
-    ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``.
+    ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``; without any it is its solid parts.
     """
 
     name: str
@@ -108,8 +108,10 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     yield _ground(world, add)
     for instance in world.instances:
         mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
-        parts = tuple(replace(part, scale=scale) for part in parts_of(mesh))
-        yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
+        touched = bool(mesh.colliders)
+        parts = tuple(replace(part, scale=scale, solid=part.solid and touched) for part in parts_of(mesh))
+        primitives = () if any(collider.points for collider in mesh.colliders) else mesh.colliders
+        yield Body(name=instance.name, parts=parts, pose=pose, colliders=primitives, scale=scale)
     if beyond and world.backdrop is not None:
         yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
     small = {swarm.name for swarm in world.swarms if _mean_faces(world, swarm) < SMALL}

@@ -61,17 +61,17 @@ class Elevation:
         Raises:
             ConfigurationError: a node is outside the data.
         """
-        lattice = [np.linspace(axis[0], axis[-1], max(4, int(np.ptp(axis) / _LATTICE) + 2)) for axis in (x, y)]
-        places = np.stack(np.meshgrid(*lattice, indexing="ij"), axis=-1)
+        u, v = (np.linspace(axis[0], axis[-1], max(4, int(np.ptp(axis) / _LATTICE) + 2)) for axis in (x, y))
+        places = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
         coefficients = spline_filter(self.heights, order=3, mode="mirror")
         z = np.zeros(places.shape[:2])
         for _ in range(2):
             cells = self._cells(np.concatenate([places, z[..., None]], axis=-1), origin)
             z = self._world_height(_sampled(coefficients, cells), places, origin)
-        rows, columns = (RectBivariateSpline(*lattice, cells[..., k])(x, y) for k in (0, 1))
+        rows, columns = (RectBivariateSpline(u, v, cells[..., k])(x, y) for k in (0, 1))
         ellipsoidal = _sampled(coefficients, np.stack([rows, columns], axis=-1))
         drop = self._world_height(np.zeros(places.shape[:2]), places, origin)  # of the ellipsoid below the plane
-        return np.asarray(ellipsoidal + RectBivariateSpline(*lattice, drop)(x, y))
+        return np.asarray(ellipsoidal + RectBivariateSpline(u, v, drop)(x, y))
 
     def _cells(self, points_world: Array, origin: Origin) -> Array:
         """Row and column (..., 2), 0 in the middle of the first cell, of points (..., 3)."""

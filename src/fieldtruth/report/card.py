@@ -198,7 +198,7 @@ def _origin(origin: Origin) -> str:
 
 def _frames(rig: Rig, origin: Origin) -> list[tuple[str, ...]]:
     """Parent, child, position and quaternion of each fixed frame."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for (parent, child), parent_from_child in fixed_transforms(rig, origin).items():
         wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
         xyzw = transforms.xyzw_from_wxyz(wxyz).round(9)

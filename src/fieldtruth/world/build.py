@@ -137,7 +137,8 @@ def _check(environment: str, layout: Mapping[str, Any], where: str) -> None:
 
 def layout_model(environment: str) -> type[Frozen]:
     """Configuration of an environment's layout: counts, densities, sizes."""
-    model: type[Frozen] = _module(environment, "config").Config
+    config = _module(environment, "config")
+    model: type[Frozen] = config.model_of(environment) if hasattr(config, "model_of") else config.Config
     return model
 
 

@@ -63,6 +63,8 @@ class Material:
     """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
     """Ground type, a name in ``materials.GROUND_TYPES``; empty for anything else."""
+    reflectance: float | None = None
+    """Of a LiDAR's light; None for that of its ground type, texture or class."""
 
     @property
     def images(self) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Collider:
-    """An upright primitive that replaces a mesh in the physics, in the object's frame.
+    """An upright primitive, or a convex body, that replaces a mesh in the physics, in the object's frame.
 
     ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: base centre.
     """
@@ -81,6 +83,8 @@ class Collider:
     size: tuple[float, ...]
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
+    points: tuple[tuple[float, float, float], ...] = ()
+    """Corners [m] of a convex body, whose bounding box the other values are; empty for a primitive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +254,10 @@ class Terrain:
 
     ``snow`` (nx, ny) [m] is the depth of snow, of which ``layer`` is at least as high; None without any.
 
-    ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails.
+    ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails, or
+    everywhere if ``trail_material`` is empty: then trails differ in their materials.
+
+    ``colour`` (nx, ny, 3) is the linear colour of the ground at the cover's nodes; None: the mean of its materials.
     """
 
     field: Heightfield
@@ -262,8 +269,20 @@ class Terrain:
     border_width: float = 0.0  # [m], measured inwards from the trail's edge
     layer: NDArray[np.float32] | None = None
     snow: NDArray[np.float32] | None = None
+    colour: NDArray[np.float32] | None = None
     visible: bool = True
     """True: rays meet it, and exports contain it. Otherwise only light and physics assume the ground there."""
+
+    @property
+    def trail_materials(self) -> tuple[str, ...]:
+        """Materials of trails and of their borders that are not in the cover."""
+        return (self.trail_material, self.border_material) if self.trail_material else ()
+
+    @property
+    def other_ground(self) -> Raster:
+        """Distance [m] to the ground that has one of ``trail_materials``, signed as ``trail_distance``."""
+        nowhere = np.full((2, 2), np.float32(1e3))
+        return self.trail_distance if self.trail_material else Raster(values=nowhere, spacing=1e6, x0=-5e5, y0=-5e5)
 
     @cached_property
     def surface(self) -> Heightfield:
@@ -288,8 +307,9 @@ class World:
     materials: Mapping[str, Material]
     textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB or (n, n, 4) with heights, tileable, n a power of two
     swarms: tuple[Swarm, ...] = ()
-    water_level: float | None = None
-    """Height [m] of the water's surface, which is an instance of kind "water"; lower ground is under water."""
+    water_level: float | Raster | None = None
+    """Height [m] of the water's surface, which are instances of kind "water"; lower ground is under water. A raster if
+    there are several bodies of water, far below the ground where there is none."""
     backdrop: Mesh | None = None
     """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
     layout: Mapping[str, Any] = field(default_factory=dict)
@@ -337,11 +357,22 @@ class World:
             object_names=(*TAKEN, *objects),
         )
 
+    def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""
+        return water_at(self.water_level, x, y)
+
     @property
     def has_wide_ids(self) -> bool:
         """True if an instance id needs more than 16 bits."""
         ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
         return max(ids, default=0) >= WIDE_IDS
+
+
+def water_at(level: float | Raster | None, x: ArrayLike, y: ArrayLike) -> Array:
+    """``World.water_at`` of a ``World.water_level``."""
+    if isinstance(level, Raster):
+        return level.at(x, y)
+    return np.full(np.broadcast(x, y).shape, -np.inf if level is None else level)
 
 
 GREY: Final = (0.3, 0.3, 0.3)
@@ -420,7 +451,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         here = f"{where} ({node or name})" if node or name else where
         if name in TAKEN:
             raise ConfigurationError(f"{here}: name must not be {name!r}, which the robot or the ground has")
-        label = _label(part.label, node or name, metadata.get("label", ""), here)
+        label = label_of(part.label, node or name, metadata.get("label", ""), here)
         pose = outer @ _pose(inner, here)
         corners = _corners(mesh, here) @ pose[:3, :3].T + pose[:3, 3]
         if (far := float(np.abs(corners).max())) > FARTHEST:
@@ -444,7 +475,8 @@ def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
         raise ConfigurationError(f"{where}: expected (vertices, faces), or a mesh or scene of trimesh, got a {kind}")
 
 
-def _label(given: Any, node: str, own: Any, where: str) -> Label:
+def label_of(given: Any, node: str, own: Any, where: str) -> Label:
+    """Return the class that is given for all nodes or by a pattern of their names, else the ``own`` one of a mesh."""
     if isinstance(given, Mapping):
         given = next((value for pattern, value in given.items() if fnmatchcase(node, pattern)), "")
     value = own if isinstance(given, str) and given == "" else given

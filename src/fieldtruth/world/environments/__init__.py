@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environments by name. This table imports nothing heavy, so that listing them is fast.
 
-An environment is a package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and
-``CORRIDORS``, the lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the
-function ``build``).
+An environment is one file of layers in ``data/environments``, of which the package ``layered`` makes worlds, or a
+package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and ``CORRIDORS``, the
+lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the function ``build``).
 Entry points of the group ``fieldtruth.environments`` name such packages, folders ``environments`` of FIELDTRUTH_PATH
 contain them.
 """
@@ -64,9 +64,8 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
     },
 )
 
-
 FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surfaces from maps", f"{__name__}.{SITE}")}
-"""Environments without a layout of their own: the files of users are their layouts."""
+"""Environments without an entry, because each world of theirs is named by its file."""
 
 
 def find_environment(name: str, source: str = "") -> Environment:

@@ -357,7 +357,7 @@ def _positions(world: World, density: Raster, most: float, rng: np.random.Genera
     xy = np.stack([density.x0 + CELL * i, density.y0 + CELL * j], axis=1) + CELL * rng.random((len(i), 2))
     inside = (np.abs(xy) < np.array(world.size) / 2 - 0.1).all(axis=1)
     if world.water_level is not None:
-        inside &= world.terrain.field.height_at(*xy.T) > world.water_level + 0.03
+        inside &= world.terrain.field.height_at(*xy.T) > world.water_at(*xy.T) + 0.03
     return xy[inside]
 
 

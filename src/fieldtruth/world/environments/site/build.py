@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Mask
@@ -35,6 +36,7 @@ from fieldtruth.world.grids import (
     signed_distance,
 )
 from fieldtruth.world.model import Mesh, Raster, Terrain, World
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder, random_tint
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.plants.species import GrownIn, heights_of
@@ -180,7 +182,7 @@ def cover_ground(
     )
 
 
-def surfaces(config: Config, features: Sequence[Feature], nodes: Axes) -> tuple[list[str], Array]:
+def surfaces(config: Config, features: Sequence[Feature], nodes: Axes) -> tuple[list[str], NDArray[np.int8]]:
     """Materials in the open, the site's own first, and the number of that of each node (nx, ny).
 
     Areas come with the largest first, so that one in another covers it.
@@ -250,6 +252,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     heights = with_microrelief(ground.heights, nodes, fine, rough, micro, lowest=ground.lowest)
     trails = trails_of(features, config)
     builder = WorldBuilder(make_heightfield(heights, config.grid, *fine), config.size, trails, corridors)
+    stand_objects(builder, config.objects, ground.origin)
     plant_trees(builder, stems, config, growth)
     crowns = make_raster(shade, spacing, *nodes)
     plant_herbs(builder, config, crowns, herbs)
@@ -264,6 +267,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
         backdrop=backdrop,
         beyond=_far(builder, config, backdrop, land),
         litter=config.litter,
+        objects=config.objects,
         origin=ground.origin,
     )
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from matplotlib.path import Path as Outline
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.maps.canopy import read_canopy, read_canopy_points
 from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
@@ -106,7 +106,7 @@ def species_of(text: str | None) -> str | None:
     return next((GENERA.get(word, word) for word in words if word in GENERA or word in TREES), None)
 
 
-def inside(feature: Feature, points: Array) -> Array:
+def inside(feature: Feature, points: Array) -> Mask:
     """Mask (n,) of the points (n, 2) [m] that are in an area, and not in its holes."""
     found = Outline(feature.geometry).contains_points(points)
     for hole in feature.holes:
@@ -123,7 +123,7 @@ def _strewn(wood: Feature, config: Config, rng: np.random.Generator) -> list[tup
     return [(x, y) for x, y in xy[inside(wood, xy)].tolist()]
 
 
-def area_mask(features: Sequence[Feature], nodes: Axes) -> Array:
+def area_mask(features: Sequence[Feature], nodes: Axes) -> Mask:
     """Mask (nx, ny) of the nodes in some of the areas."""
     x, y = nodes
     mask = np.zeros((len(x), len(y)), np.bool_)
