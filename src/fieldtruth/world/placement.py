@@ -455,7 +455,10 @@ class WorldBuilder:
 
         Draws a jittered grid, scales, quarter turns (bounding boxes stay narrow), lean, meshes and tints.
         """
-        xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
+        self.add_swarm_at(spec, jittered_grid(np.array(self.size), spec.per_m2, rng, density), rng)
+
+    def add_swarm_at(self, spec: SwarmSpec, xy: Array, rng: np.random.Generator) -> None:
+        """Add small objects at those of positions (n, 2) that are clear; draws as ``scatter_swarm`` after the grid."""
         xy = xy[self.off_solids(xy, spec.clear)]
         beside = max(spec.clear, spec.aside)
         for line in self.corridors if beside > 0 else ():
