@@ -28,8 +28,8 @@ from fieldtruth.world.environments import find_environment
 from fieldtruth.world.environments.layout import PLANTINGS, GroundConfig
 from fieldtruth.world.grids import Line
 from fieldtruth.world.library import data_files
-from fieldtruth.world.objects.files import with_named
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
+from fieldtruth.world.objects.files import with_named
 from fieldtruth.world.seasons.change import in_season
 
 _STORED: Final = {
