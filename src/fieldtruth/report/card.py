@@ -16,7 +16,6 @@ from fieldtruth.bag.messages import EARTH, fixed_transforms
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import NO_RETURN
-from fieldtruth.core.classes import CLASSES, NO_RETURN
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading

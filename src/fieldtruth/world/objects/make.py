@@ -14,7 +14,6 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, suggestion
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
