@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.spatial import KDTree
+from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fieldtruth.bag.file import TRACK
@@ -139,6 +139,9 @@ def _solids(world: World, points: Array) -> Iterator[_Found]:
 
 def _depth(collider: Collider, points: Array) -> Array:
     """Depth [in units of the object], (n,), of points (n, 3) in a collider's frame; above 0 inside."""
+    if collider.points:  # the middle of the bounding box's base is the origin
+        faces = ConvexHull(np.array(collider.points) - collider.position).equations
+        return np.asarray(-(points @ faces[:, :3].T + faces[:, 3]).max(axis=1))
     *across, height = collider.size
     if collider.shape == "cylinder":
         sides = [across[0] - np.hypot(points[:, 0], points[:, 1])]

@@ -13,14 +13,14 @@ from math import hypot
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.grids import BUILT_IN, Line, Trail
-from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Swarm
+from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Swarm
 
 
 class Circles:
@@ -281,6 +281,9 @@ class WorldBuilder:
     meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict, init=False)
     instances: list[Instance] = dataclasses.field(default_factory=list, init=False)
     swarms: list[Swarm] = dataclasses.field(default_factory=list, init=False)
+    materials: dict[str, Material] = dataclasses.field(default_factory=dict, init=False)
+    """Materials of own objects, which are not ours by name, and their textures."""
+    textures: dict[str, NDArray[np.uint8]] = dataclasses.field(default_factory=dict, init=False)
     taken: Circles = dataclasses.field(default_factory=lambda: Circles(4.0), init=False)
     _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
     _counts: dict[str, int] = dataclasses.field(default_factory=dict, init=False)
@@ -452,7 +455,10 @@ class WorldBuilder:
 
         Draws a jittered grid, scales, quarter turns (bounding boxes stay narrow), lean, meshes and tints.
         """
-        xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
+        self.add_swarm_at(spec, jittered_grid(np.array(self.size), spec.per_m2, rng, density), rng)
+
+    def add_swarm_at(self, spec: SwarmSpec, xy: Array, rng: np.random.Generator) -> None:
+        """Add small objects at those of positions (n, 2) that are clear; draws as ``scatter_swarm`` after the grid."""
         xy = xy[self.off_solids(xy, spec.clear)]
         beside = max(spec.clear, spec.aside)
         for line in self.corridors if beside > 0 else ():

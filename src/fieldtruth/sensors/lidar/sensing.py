@@ -194,6 +194,8 @@ def _table() -> dict[str, dict[str, Reflectance]]:
 
 def reflectance_of(material: Material) -> Reflectance:
     """Reflectance of a material: its own; else of its ground type, of its texture, of its class."""
+    if material.reflectance is not None:
+        return Reflectance(material.reflectance)
     table = _table()
     found = (
         table["materials"].get(material.name),

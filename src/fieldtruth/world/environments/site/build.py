@@ -34,6 +34,7 @@ from fieldtruth.world.environments.site.surfaces import (
 from fieldtruth.world.environments.site.water import add_sheets, lay_water
 from fieldtruth.world.grids import Line, fractal_noise, grid_axes, make_heightfield, make_raster, noise_map
 from fieldtruth.world.model import Mesh, World
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 
@@ -112,6 +113,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
     add_sheets(builder, waters)
     with progress.stage("build what people built"):
         build_structures(builder, features, growth)
+        stand_objects(builder, config.objects, ground.origin)
     with progress.stage(f"plant {len(stems):,} trees", float(len(stems))) as advance:
         plant_trees(builder, stems, config, growth, advance)
     with progress.stage("plant bushes, grass and herbs"):
@@ -129,12 +131,13 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
         return assemble(
             builder,
             terrain,
-            name="site",
+            name=config.name,
             seed=seed,
             textures=seeds[7],
             backdrop=backdrop,
             beyond=far,
             litter=config.litter,
+            objects=config.objects,
             origin=ground.origin,
         )
 
