@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a map shows is in the world of a site: in its place by degrees, with its class, and solid where it is."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from fieldtruth.core.geodesy import Origin, geodetic_from_world
 from fieldtruth.drive.traversability import Blockage, Traversability, obstacle_outlines
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import build_world
-from fieldtruth.world.environments import ENVIRONMENTS, SITE
 from fieldtruth.world.environments.site.water import DRY
 from fieldtruth.world.model import Instance, Raster, World
 
@@ -106,15 +105,6 @@ def layout(folder: Path) -> dict[str, Any]:
         "grass_per_m2": 0,
         "beyond": False,
     }
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _environment() -> Iterator[None]:
-    before = dict(ENVIRONMENTS)
-    ENVIRONMENTS["site"] = SITE
-    yield
-    if "site" not in before:
-        del ENVIRONMENTS["site"]
 
 
 @pytest.fixture(scope="module")

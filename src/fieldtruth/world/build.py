@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -21,6 +22,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.files import atomic_output
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.parallel import check_memory
+from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.environment_file import files_of, is_environment_file, resolved
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
@@ -51,12 +53,14 @@ _PER_M2: Final = 1000
 """Memory [byte] for the objects on a square metre."""
 
 
-def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
+def build_world(
+    environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, progress: Progress | None = None
+) -> World:
     """Build an environment. The same name, seed and layout give the same world.
 
     ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
     corridors of the environment stay free of obstacles in every layout. ``{"beyond": False}`` ends the world at its
-    edge; what is inside stays the same.
+    edge; what is inside stays the same. ``progress`` hears of the stages of an environment that has several.
 
     Raises:
         UnknownNameError: unknown environment.
@@ -74,7 +78,9 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
         check_memory(int(needed), task, "make layout.grid larger, or layout.size smaller")
         config = config.for_size()
     with needed_libraries():
-        world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
+        build = _module(environment, "build").build
+        more = {"progress": progress} if "progress" in signature(build).parameters else {}
+        world: World = build(seed, reserved_corridors(environment), config, **more)
     if isinstance(config, GroundConfig):
         world = in_season(world, config.season, config.drought, config.snow_depth)
     world = replace(world, layout=layout)
@@ -160,7 +166,12 @@ def reserved_corridors(environment: str) -> list[Line]:
 
 
 def load_world(
-    environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, cache_folder: Path | None = None
+    environment: str,
+    seed: int = 0,
+    layout: Mapping[str, Any] | None = None,
+    *,
+    cache_folder: Path | None = None,
+    progress: Progress | None = None,
 ) -> World:
     """Read a world from the cache, or build it (see ``build_world``) and store it there.
 
@@ -170,6 +181,7 @@ def load_world(
         layout: changes to the environment's configuration.
         cache_folder: by default ``core.cache.cache_folder()``. File names contain a digest of the code, the
             libraries' versions, the layout and the files that it names. A folder that cannot be written is ignored.
+        progress: hears of the stages while a world is built.
     """
     check_layout(environment, layout)
     environment, layout = resolved(environment, layout)
@@ -179,7 +191,7 @@ def load_world(
     inputs = dict(sorted(layout.items())), *file_digests(named)
     stem = f"{environment}-{seed}" + (f"_{cache_key((), *inputs)[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
-    return load_or_make(path, read_world, lambda: build_world(environment, seed, layout), save_world)
+    return load_or_make(path, read_world, lambda: build_world(environment, seed, layout, progress=progress), save_world)
 
 
 def world_key(environment: str) -> str:

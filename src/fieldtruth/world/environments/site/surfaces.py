@@ -241,7 +241,7 @@ SMOOTH: Final = 1.5
 
 
 def _colour(
-    config: Config, names: tuple[str, ...], weights: Array, nodes: Axes, crowns: Array, origin: Origin
+    config: Config, names: tuple[str, ...], weights: Float32Array, nodes: Axes, crowns: Float32Array, origin: Origin
 ) -> Float32Array | None:
     """Linear colour (nx, ny, 3) of the ground in an orthophoto, that of the materials below crowns; None without one.
 
