@@ -253,7 +253,9 @@ def read_ground_points(
     points = points[(np.abs(points[:, :2] - middle) <= reach / metres).all(axis=1)]
     if len(points) < 2:
         raise ConfigurationError(f"{path}: no ground points within {reach:.0f} m of the world's centre")
-    spacing = max(0.25 / metres, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0))
+    spacing = max(
+        0.25 / metres, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0)
+    )
     west, north = points[:, 0].min() - spacing / 2, points[:, 1].max() + spacing / 2
     column, row = ((points[:, 0] - west) // spacing).astype(int), ((north - points[:, 1]) // spacing).astype(int)
     shape = int(row.max()) + 1, int(column.max()) + 1
