@@ -60,11 +60,11 @@ def build_world(
 
     ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
     corridors of the environment stay free of obstacles in every layout. ``{"beyond": False}`` ends the world at its
-    edge; what is inside stays the same. ``progress`` hears of the stages of an environment that has several.
+    edge; what is inside stays the same. ``progress`` receives the stages of a site's world.
 
     Raises:
         UnknownNameError: unknown environment.
-        ConfigurationError: a key or value that the layout does not allow.
+        ConfigurationError: a key or value that the layout does not allow, or a file that cannot be used.
         CrowdedWorldError: the layout has more objects than fit into the world.
         OutputError: its terrain needs more memory than there is.
     """
@@ -79,8 +79,8 @@ def build_world(
         config = config.for_size()
     with needed_libraries():
         build = _module(environment, "build").build
-        more = {"progress": progress} if "progress" in signature(build).parameters else {}
-        world: World = build(seed, reserved_corridors(environment), config, **more)
+        shown = {"progress": progress} if "progress" in signature(build).parameters else {}
+        world: World = build(seed, reserved_corridors(environment), config, **shown)
     if isinstance(config, GroundConfig):
         world = in_season(world, config.season, config.drought, config.snow_depth)
     world = replace(world, layout=layout)
@@ -165,6 +165,27 @@ def reserved_corridors(environment: str) -> list[Line]:
     return [Line.through(corners, smooth=False) for corners in corridors]
 
 
+def build_site(
+    file: Path | str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, progress: Progress | None = None
+) -> World:
+    """Build the world of a site's file, or read it from the cache. See docs/sites.md.
+
+    Args:
+        file: the YAML file that says where the site is and which maps it is made of.
+        seed: of everything that the maps do not say.
+        layout: changes to the file's keys.
+        progress: receives the stages of the work.
+
+    Raises:
+        ConfigurationError: a key, value or map that cannot be used; the text names it and what is allowed.
+        OutputError: it needs more memory than there is.
+    """
+    path = str(file)
+    if not is_environment_file(path):
+        raise ConfigurationError(f"{path}: must be the path of a site's file, which ends in .yaml")
+    return load_world(path, seed, layout, progress=progress)
+
+
 def load_world(
     environment: str,
     seed: int = 0,
@@ -181,7 +202,7 @@ def load_world(
         layout: changes to the environment's configuration.
         cache_folder: by default ``core.cache.cache_folder()``. File names contain a digest of the code, the
             libraries' versions, the layout and the files that it names. A folder that cannot be written is ignored.
-        progress: hears of the stages while a world is built.
+        progress: as for ``build_world``.
     """
     check_layout(environment, layout)
     environment, layout = resolved(environment, layout)
