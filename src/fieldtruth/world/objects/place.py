@@ -20,7 +20,7 @@ from fieldtruth.world.objects.make import OwnObject, make_object
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
 from fieldtruth.world.plants import TREES
 
-TRIES: Final = 200
+TRIES: Final = 100
 """Positions to try for each copy that is wanted."""
 _EASES: Final = (1.0, 0.8, 0.65, 0.5)
 _SEED: Final = 4871
