@@ -94,9 +94,8 @@ class Fields:
             case "crown":
                 return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
             case "above_water":
-                return np.asarray(self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)).clip(
-                    max=FAR
-                )
+                above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
+                return np.asarray(np.minimum(above, FAR))
         if name in self.lines:
             return self.lines[name].distance(xy)
         rule = self.description.fields[name]

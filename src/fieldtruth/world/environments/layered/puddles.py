@@ -86,7 +86,7 @@ def _scattered(fields: Fields, puddles: Puddles, rng: np.random.Generator) -> li
 
 
 def _around(nodes: Axes, puddle: Puddle) -> tuple[tuple[slice, slice], Array, Array]:
-    """Rows and columns of the nodes about a puddle, their distance [m] to its edge, below 0 in it, and share of reach."""
+    """Rows and columns of the nodes about a puddle, distance [m] to its edge, below 0 in it, and share of reach."""
     span = 1.5 * puddle.radius + 2 * RIM
     i, j = (slice(*np.searchsorted(axis, (c - span, c + span))) for axis, c in zip(nodes, puddle[:2], strict=True))
     x, y = np.meshgrid(nodes[0][i] - puddle.x, nodes[1][j] - puddle.y, indexing="ij")
@@ -103,8 +103,8 @@ def _sheet(name: str, puddle: Puddle, material: str) -> Mesh:
     k = np.arange(_SIDES)
     faces = np.stack([np.zeros(_SIDES, int), 1 + k, 1 + (k + 1) % _SIDES], axis=1)
     up = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    uv = (vertices[:, :2] + (puddle.x, puddle.y)) / _TILE
-    return make_mesh(name, vertices + (puddle.x, puddle.y, 0.0), up, uv, faces, (material,), footprint=0.0)
+    uv = (vertices[:, :2] + [puddle.x, puddle.y]) / _TILE
+    return make_mesh(name, vertices + [puddle.x, puddle.y, 0.0], up, uv, faces, (material,), footprint=0.0)
 
 
 def add_sheets(builder: WorldBuilder, wet: Wet) -> None:
