@@ -81,6 +81,7 @@ class Objects(Frozen):
     tilt: Share = 0.0  # share of the slope by which they lean
     sink: Distance = 0.0  # [m]
     aligned: Boolean = False  # turned along their row or line; otherwise at random
+    room: Positive = 1.0  # share of the footprint's radius that is kept free: crowns below 1 reach into each other
     stand: Boolean = False  # trees that find light between those that stand
 
     @model_validator(mode="after")

@@ -103,8 +103,9 @@ def _sheet(name: str, puddle: Puddle, material: str) -> Mesh:
     k = np.arange(_SIDES)
     faces = np.stack([np.zeros(_SIDES, int), 1 + k, 1 + (k + 1) % _SIDES], axis=1)
     up = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    uv = (vertices[:, :2] + [puddle.x, puddle.y]) / _TILE
-    return make_mesh(name, vertices + [puddle.x, puddle.y, 0.0], up, uv, faces, (material,), footprint=0.0)
+    centre = np.array([puddle.x, puddle.y, 0.0])
+    uv = (vertices + centre)[:, :2] / _TILE
+    return make_mesh(name, vertices + centre, up, uv, faces, (material,), footprint=0.0)
 
 
 def add_sheets(builder: WorldBuilder, wet: Wet) -> None:
