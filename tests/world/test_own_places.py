@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world from maps: ground, trees, paths and surfaces are where the maps have them."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.world.build import build_world, read_world, save_world
-from fieldtruth.world.environments import ENVIRONMENTS, SITE
 from fieldtruth.world.model import World
 
 rasterio = pytest.importorskip("rasterio")
@@ -26,13 +24,6 @@ SIZE = (40.0, 30.0)
 TREES = ((-12.0, 8.0, 16.0, "Picea abies"), (9.0, -7.0, 7.5, "Fagus sylvatica"), (14.0, 9.0, 22.0, "Quercus"))
 PATH = ((-30.0, -4.0), (0.0, 0.0), (30.0, -4.0))
 FIELD = ((5.0, 5.0), (18.0, 5.0), (18.0, 13.0), (5.0, 13.0))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _environment() -> Iterator[None]:
-    ENVIRONMENTS["site"] = SITE
-    yield
-    del ENVIRONMENTS["site"]
 
 
 def slope(east: Any, north: Any) -> Any:
@@ -144,9 +135,9 @@ def test_the_origin_is_on_the_ellipsoid_above_the_place_and_is_stored(world: Wor
 @pytest.mark.parametrize(
     ("key", "file", "text"),
     [
-        ("elevation", "none.tif", r"none\.tif: not a raster that GDAL reads"),
-        ("trees", "none.csv", r"none\.csv"),
-        ("map", "none.osm", r"none\.osm: there is no such file"),
+        ("elevation", "none.tif", r"layout: elevation\.file: no such file: .*none\.tif"),
+        ("trees", "none.csv", r"layout: trees\.file: no such file: .*none\.csv"),
+        ("map", "", r"layout: map\.file: a folder: "),
     ],
 )
 def test_a_missing_file_is_one_line(tmp_path: Path, key: str, file: str, text: str) -> None:

@@ -18,6 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
+from fieldtruth.experiment.environment_file import SITE
 
 
 class Environment(NamedTuple):
@@ -63,8 +64,13 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
     },
 )
 
-SITE: Final = Environment("a place of your own: ground, trees, paths and surfaces from maps", f"{__name__}.site")
-"""Environment of every site; it has no entry, because a site is named by its file."""
+FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surfaces from maps", f"{__name__}.{SITE}")}
+"""Environments without an entry, because each world of theirs is named by its file."""
+
+
+def find_environment(name: str, source: str = "") -> Environment:
+    """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
+    return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
 
 
 def list_environments() -> dict[str, str]:

@@ -29,6 +29,7 @@ from fieldtruth.world.grids import (
 )
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 
@@ -56,6 +57,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         wet = dig_puddles(fields, description.puddles, fields.height, rng_of(seed, "puddles"))
         fields.height, fields.water = wet.heights, wet.level
     builder = make_ground(fields, config)
+    stand_objects(builder, config.objects)
     if description.water is not None:
         add_water(builder, description.water.level)
     elif wet.sheets:
@@ -76,6 +78,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         backdrop=backdrop,
         beyond=_swarms_beyond(builder, fields, config, backdrop),
         litter=config.litter,
+        objects=config.objects,
     )
 
 

@@ -261,7 +261,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     return assemble(
         builder,
         terrain,
-        name="site",
+        name=config.name,
         seed=seed,
         textures=seeds[7],
         backdrop=backdrop,

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.core.geodesy import Origin
-from fieldtruth.experiment.fields import Boolean, Frozen, Number, Positive
+from fieldtruth.experiment.fields import Boolean, Frozen, Name, Number, Positive
 from fieldtruth.world.environments.layout import Density, GroundConfig, Individuals, Share
 from fieldtruth.world.plants import TREES
 
@@ -49,6 +49,7 @@ class Config(GroundConfig):
     environment = "site"
     grounds = ("lawn", "meadow", "forest_floor", "earth", "gravel", "trodden_earth")
 
+    name: Name = "site"  # of the world
     centre: Annotated[tuple[Latitude, Longitude], Field(description="[latitude, longitude], in degrees")]
     elevation: ElevationFile | None = None
     trees: TreesFile | None = None
