@@ -44,6 +44,7 @@ X, Y, A = FIELDS.values()
         ("hypot(x, y)", np.hypot(X, Y)),
         ("rows(4)", [1.0, 0.0, 2.0, 0.5]),
         ("rows(4, 90)", [1.0, 0.0, 2.0, 1.0]),
+        ("rows(4, 0, 1)", [0.0, 1.0, 1.0, 0.5]),
     ],
 )
 def test_an_expression_has_the_values_of_arithmetic(text: str, expected: object) -> None:
