@@ -197,7 +197,7 @@ def test_preview_writes_the_sheet(
     assert cli.main(["preview", "park"]) == 0
     assert capsys.readouterr().out == "park_0_preview.png: 20 x 30 pixels, 0.0 MB\n"
     assert cli.main(["preview", "park", "--seed", "7", "--out", "a.jpg", "--workers", "3"]) == 0
-    assert calls == [("park", 0, None, 2400, cpu_count()), ("park", 7, None, 1400, 3)]
+    assert calls == [("park", 0, {}, 2400, cpu_count()), ("park", 7, {}, 1400, 3)]
     assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 102).all()
     capsys.readouterr()
     before = (tmp_path / "a.jpg").read_bytes()

@@ -19,7 +19,6 @@ DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *TEMPLATES]
 
 # Each banned pattern with what to write instead; matched without regard to case.
 PROSE = {
-    r"(?<!documentation )\bsites?\b(?![-_])": "world builder, or the noun itself",
     r"\bway-points?\b": "waypoint",
     r"\b(?:whoever|nobody|somebody)\b": "name the subject",
     r"\bthe rather\b": "the more",

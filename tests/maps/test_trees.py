@@ -63,7 +63,7 @@ class Rating(NamedTuple):
 
 def rating(trees: Any, found: list[Tree]) -> Rating:
     """A tree is found if a top, the first one, is within 0.6 of its crown's radius, and it is the nearest tree."""
-    nearest = cKDTree(trees[:, :2]).query([(t.x, t.y) for t in found])
+    nearest = cKDTree(trees[:, :2]).query(np.array([(t.x, t.y) for t in found]))
     pairs: dict[int, Tree] = {}
     for distance, k, tree in zip(*nearest, found, strict=True):
         if distance < 0.6 * trees[k, 3]:

@@ -135,9 +135,9 @@ def test_the_origin_is_on_the_ellipsoid_above_the_place_and_is_stored(world: Wor
 @pytest.mark.parametrize(
     ("key", "file", "text"),
     [
-        ("elevation", "none.tif", r"none\.tif: not a raster that GDAL reads"),
-        ("trees", "none.csv", r"none\.csv"),
-        ("map", "none.osm", r"none\.osm: there is no such file"),
+        ("elevation", "none.tif", r"layout: elevation\.file: no such file: .*none\.tif"),
+        ("trees", "none.csv", r"layout: trees\.file: no such file: .*none\.csv"),
+        ("map", "", r"layout: map\.file: a folder: "),
     ],
 )
 def test_a_missing_file_is_one_line(tmp_path: Path, key: str, file: str, text: str) -> None:

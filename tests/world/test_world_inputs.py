@@ -82,6 +82,7 @@ def test_worlds_stay_where_a_sensor_or_the_robot_changes(name: str) -> None:
     others = {path.relative_to(source / "fieldtruth").as_posix() for path in inputs if path.parts[-2] != "fieldtruth"}
     assert {file for file in others if not file.startswith(("core/", "kernels/", "world/"))} == {
         "experiment/__init__.py",
+        "experiment/environment_file.py",
         "experiment/fields.py",
     }
 

@@ -19,6 +19,7 @@ from rosbags.typesys.stores import ros1_noetic as noetic
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, earth_from_world
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.track import Motion, Stamps
 from fieldtruth.experiment.rig import Rig
@@ -101,6 +102,8 @@ WHEEL_FRAMES: Final = tuple(f"{wheel}_wheel" for wheel in WHEELS)
 JOINTS: Final = tuple(f"{wheel}_wheel_joint" for wheel in WHEELS)
 """Names of the wheels' joints, as in the URDF of ``fieldtruth gazebo``; a differential robot has the first two."""
 WORLD: Final = "world"
+EARTH: Final = "earth"
+"""Frame of WGS 84, earth-centred and earth-fixed (REP-105)."""
 _NO_COVARIANCE: Final = bytes(8 * 36)
 
 
@@ -148,10 +151,14 @@ def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
     return result | {(parent, name): parent_from_optical for name, (parent, parent_from_optical) in optical}
 
 
-def fixed_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
-    """Return those of ``rig_transforms`` that belong to /tf_static: without the wheels if these turn."""
+def fixed_transforms(rig: Rig, origin: Origin = PAPER_ORIGIN) -> dict[tuple[str, str], Array]:
+    """Return those of ``rig_transforms`` that belong to /tf_static: without the wheels if these turn.
+
+    A world whose origin is not that of the paper is below ``earth`` (REP-105), which says where it is.
+    """
     turning = () if not rig.reports_wheels else WHEEL_FRAMES
-    return {pair: transform for pair, transform in rig_transforms(rig).items() if pair[1] not in turning}
+    fixed = {pair: transform for pair, transform in rig_transforms(rig).items() if pair[1] not in turning}
+    return fixed if origin == PAPER_ORIGIN else {(EARTH, WORLD): earth_from_world(origin), **fixed}
 
 
 def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], Array]) -> bytes:

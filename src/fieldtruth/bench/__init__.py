@@ -18,7 +18,7 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.first_run import wait_for_kernels
 from fieldtruth.simulation.stepped import Simulation
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.build import check_layout
 
 _UNITS: Final = {
     "_mrays_per_s": "Mrays/s",
@@ -43,13 +43,13 @@ class Settings:
 
 
 def settings_of(environment: str) -> Settings:
-    """Return settings for an environment: its first built-in experiment.
+    """Return settings for an environment, a name or a file: its first experiment.
 
     Raises:
         UnknownNameError: the environment does not exist.
         ConfigurationError: it has no built-in experiment.
     """
-    ENVIRONMENTS.find(environment)
+    check_layout(environment, None)
     experiments = experiments_in(environment)
     if not experiments:
         raise ConfigurationError(f"cannot measure {environment}: it has no built-in experiment")

@@ -22,7 +22,8 @@ from pydantic import ValidationError
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.campaign.config import BUILT_IN, MOST_RUNS, PRODUCT, Campaign, Tree, axis, drawn, entries
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig, metres_from_route
+from fieldtruth.experiment.config import FRAME_RATE, RANDOM_ROUTE, Experiment, RandomRouteConfig, metres_from_route
+from fieldtruth.experiment.environment_file import is_environment_file, world_name
 from fieldtruth.experiment.fields import configuration_error
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.names import EXPERIMENTS
@@ -47,7 +48,7 @@ def simulated_s(experiment: Experiment) -> float:
     if isinstance(route, RandomRouteConfig):
         length = route.random.length_m
     else:
-        length = float(np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1).sum())
+        length = float(np.linalg.norm(np.diff(metres_from_route(route, experiment.origin), axis=0), axis=1).sum())
     return min(limit, length / experiment.control.speed)
 
 
@@ -205,7 +206,7 @@ def world_of_run(experiment: Experiment) -> tuple[str, int]:
 
     Worlds that differ in their layout alone share the ground and most objects, so they stay in one split.
     """
-    return experiment.environment, experiment.seed
+    return experiment.world_name, experiment.seed
 
 
 def _some(campaign: Campaign) -> Iterator[Entries]:
@@ -214,7 +215,7 @@ def _some(campaign: Campaign) -> Iterator[Entries]:
         environment = str(axis(campaign.environments).draw(_rng(campaign, _RUN, k, "environments")))
         seed = int(_entry(campaign, "seeds", k, default=0))
         layouts = axis(campaign.layouts.get(environment, {}))
-        layout = layouts.draw(_rng(campaign, _LAYOUT, environment, seed))
+        layout = layouts.draw(_rng(campaign, _LAYOUT, world_name(environment), seed))
         rest = [_entry(campaign, key, k) for key in ("routes", "lights", "weathers", "rigs")]
         yield Entries(environment, seed, layout, *rest)
 
@@ -232,7 +233,7 @@ def _every(campaign: Campaign) -> Iterator[Entries]:
             for route in (_built_in(environment) if entry == BUILT_IN else [entry])
         ]
         layouts = [
-            drawn(layout, _rng(campaign, _LAYOUT, environment, seed, i))
+            drawn(layout, _rng(campaign, _LAYOUT, world_name(environment), seed, i))
             for i, layout in enumerate(entries(campaign.layouts.get(environment, {})))
         ]
         others = product(layouts, routes, *axes[2:])
@@ -272,10 +273,10 @@ def _changed(campaign: Campaign, experiment: Experiment, k: int) -> Experiment:
         "rig": _entry(campaign, "rigs", k),
         **({} if campaign.seeds is None else {"seed": _entry(campaign, "seeds", k)}),
     }
-    layout = campaign.layouts.get(experiment.environment)
+    layout = campaign.layouts.get(experiment.world_name)
     if layout is not None:
         seed = changes.get("seed", experiment.seed)
-        changes["layout"] = axis(layout).draw(_rng(campaign, _LAYOUT, experiment.environment, seed))
+        changes["layout"] = axis(layout).draw(_rng(campaign, _LAYOUT, experiment.world_name, seed))
     return _finished(campaign, changed_values(experiment, changes), k)
 
 
@@ -303,8 +304,10 @@ def _route(entry: Tree, rng: np.random.Generator) -> dict[str, Any]:
     return {"route": values}
 
 
-def _built_in(environment: str) -> list[str]:
-    names = [name for name, experiment in _catalogue().items() if experiment.environment == environment]
+def _built_in(environment: str) -> list[Tree]:
+    if is_environment_file(environment):
+        return [{"random": {"length_m": RANDOM_ROUTE["random"]["length_m"]}}]
+    names: list[Tree] = [name for name, experiment in _catalogue().items() if experiment.environment == environment]
     if not names:
         raise ConfigurationError(
             f"routes: {environment} has no built-in experiment; give routes: {{random: {{length_m: ...}}}}"

@@ -32,6 +32,7 @@ from fieldtruth.core.parallel import check_memory, cpu_count, peak_memory
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
+from fieldtruth.experiment.environment_file import CENTRE
 from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
@@ -111,11 +112,12 @@ def figures_of(experiments: Sequence[Experiment], out: Path, progress: Progress)
     """
     first = experiments[0]
     rig = json.dumps(first.rig.model_dump(mode="json"))
-    key = cache_key(("fieldtruth.pipeline",), world_key(first.environment), rig, motion_of(first), cpu_count())
-    path = cache_folder() / f"cost-{first.environment}-{key}.json"
+    maps = dict(first.layout) if CENTRE in first.layout else {}  # a site's layout is what it is
+    key = cache_key(("fieldtruth.pipeline",), world_key(first.environment), maps, rig, motion_of(first), cpu_count())
+    path = cache_folder() / f"cost-{first.world_name}-{key}.json"
 
     def make() -> Figures:
-        with progress.stage(f"measure {first.environment}"):
+        with progress.stage(f"measure {first.world_name}"):
             for experiment in experiments[:_TRIES]:
                 figures = _in_own_process(experiment, out / f".measurement-{path.stem}")
                 if figures is not None:
@@ -251,7 +253,7 @@ def grouped(experiments: Sequence[Experiment]) -> list[list[Experiment]]:
     groups: dict[tuple[str, str, int], list[Experiment]] = {}
     for experiment in experiments:
         rig = 0 if many else rigs.index(experiment.rig)
-        groups.setdefault((experiment.environment, motion_of(experiment), rig), []).append(experiment)
+        groups.setdefault((experiment.world_name, motion_of(experiment), rig), []).append(experiment)
     return list(groups.values())
 
 

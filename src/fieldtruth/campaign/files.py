@@ -19,9 +19,10 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputEr
 from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.environment_file import Chosen, is_environment_file
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
-from fieldtruth.experiment.names import EXPERIMENTS
+from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 from fieldtruth.experiment.rig import MODELS
 from fieldtruth.experiment.sensor_config import known_extras, known_switches, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
@@ -29,7 +30,9 @@ from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout
 
 ALL: Final = "all"
-"""Name of the campaign of the built-in experiments."""
+"""Name of the campaign of the paper's experiments and of added ones."""
+EVERY: Final = "every"
+"""Name of the campaign of every experiment."""
 CAMPAIGN: Final = "campaign.yaml"
 """The effective campaign in the folder of its runs."""
 HEADER: Final = """\
@@ -41,8 +44,8 @@ _OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model
 
 
 def is_campaign(name_or_path: str) -> bool:
-    """Return whether this is the campaign "all", or a YAML file with a key that only campaigns have."""
-    if name_or_path == ALL:
+    """Return whether this is the campaign "all" or "every", or a YAML file with a key that only campaigns have."""
+    if name_or_path in (ALL, EVERY):
         return True
     path = Path(name_or_path)
     if name_or_path in EXPERIMENTS or not path.is_file():
@@ -54,26 +57,45 @@ def is_campaign(name_or_path: str) -> bool:
 
 
 def load_campaign(name_or_path: str | Path) -> Campaign:
-    """Load a campaign from a YAML file, or the built-in one named ``all``.
+    """Load a campaign from a YAML file, or a built-in one, ``all`` or ``every``.
 
-    Paths of experiments, track files and URDFs may be relative to the file.
+    Paths of experiments, environments, track files and URDFs may be relative to the file.
 
     Raises:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed.
         UnknownNameError: an unknown experiment.
     """
-    if str(name_or_path) == ALL:
-        experiments = tuple(load_experiment(name) for name in EXPERIMENTS)
-        return Campaign(name=ALL, description="the built-in experiments", experiments=experiments)
+    if str(name_or_path) in (ALL, EVERY):
+        every = str(name_or_path) == EVERY
+        experiments = tuple(load_experiment(name) for name in campaign_experiments(every=every))
+        text = f"the built-in experiments{' of every environment' if every else ''}"
+        return Campaign(name=str(name_or_path), description=text, experiments=experiments)
     path = Path(name_or_path)
     data = parse_mapping(read_text(path), str(path))
     check_version(data.pop(VERSION_KEY, None), str(path))
     listed = data.get("experiments")
     if isinstance(listed, list):
         data["experiments"] = [_experiment(entry, path) for entry in listed]
+    data |= _environments(data, path.parent)
     if "rigs" in data:
         data["rigs"] = _mounted(data["rigs"], path)
     return _validated(data, str(path))
+
+
+def _environments(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return environments and layouts with the paths of environments that are files, from a folder."""
+
+    def made(value: Any) -> Any:
+        if isinstance(value, list):
+            return [made(each) for each in value]
+        if isinstance(value, dict):
+            return {key: made(each) for key, each in value.items()}
+        return str((folder / Path(value).expanduser()).absolute()) if is_environment_file(value) else value
+
+    found = {"environments": made(data["environments"])} if "environments" in data else {}
+    if isinstance(layouts := data.get("layouts"), dict):
+        found["layouts"] = {made(key): tree for key, tree in layouts.items()}
+    return found
 
 
 def _mounted(rigs: Any, path: Path) -> Any:
@@ -159,7 +181,7 @@ def check_campaign(campaign: Campaign, source: str) -> None:
         check_layout(environment, {}, source)
     for environment, tree in campaign.layouts.items():
         for position, end in _ends(f"layouts.{environment}", tree):
-            check_layout(environment, end, f"{source}: {position}")
+            check_layout(*_with_layout(campaign, environment, end), f"{source}: {position}")
     _check_routes(campaign.routes, source)
     for key, name in (("seeds", "seed"), ("lights", "light"), ("weathers", "weather"), ("rigs", "rig")):
         for position, end in _ends(key, getattr(campaign, key)):
@@ -177,6 +199,12 @@ def check_campaign(campaign: Campaign, source: str) -> None:
         raise ConfigurationError(f"{source}: seconds is for drives; of frames, frames.count says how many there are")
     for end in extremes(campaign.seconds):
         _check_values({"seconds": end}, source)
+
+
+def _with_layout(campaign: Campaign, name: str, layout: Mapping[str, Any]) -> Chosen:
+    """Return an environment of ``layouts`` with a layout; of listed experiments in a site over theirs."""
+    listed = next((each for each in campaign.experiments if each.world_name == name != each.environment), None)
+    return Chosen(name, dict(layout)) if listed is None else Chosen(listed.environment, {**listed.layout, **layout})
 
 
 def _has_frames(run: Experiment | Tree) -> bool:

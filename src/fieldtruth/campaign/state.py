@@ -180,15 +180,15 @@ def time_left_s(states: Sequence[State], jobs: int) -> float | None:
     if not done:
         return None
     time_s = 0.0
-    for environment in sorted({experiment.environment for experiment in left}):
-        own = [(e, m) for e, m in done if e.environment == environment] or done
+    for environment in sorted({experiment.world_name for experiment in left}):
+        own = [(e, m) for e, m in done if e.world_name == environment] or done
         longest: dict[Scene, float] = {}
         for experiment, manifest in own:
             scene = _scene(experiment)
             longest[scene] = max(longest.get(scene, 0.0), manifest.world_s)
         worlds_s = sum(longest.values())
         per_second = (sum(m.took_s for _, m in own) - worlds_s) / sum(m.simulated_s for _, m in own)
-        rest = [experiment for experiment in left if experiment.environment == environment]
+        rest = [experiment for experiment in left if experiment.world_name == environment]
         new = {_scene(experiment) for experiment in rest} - longest.keys()
         time_s += per_second * sum(map(simulated_s, rest)) + worlds_s / len(longest) * len(new)
     return time_s / min(max(1, jobs), max(1, len(left)))
@@ -196,4 +196,4 @@ def time_left_s(states: Sequence[State], jobs: int) -> float | None:
 
 def _scene(experiment: Experiment) -> Scene:
     """Return the values on which the world and its light depend."""
-    return experiment.environment, experiment.seed, str(experiment.layout), str(experiment.light)
+    return experiment.world_name, experiment.seed, str(experiment.layout), str(experiment.light)

@@ -12,6 +12,7 @@ from typing import Any, Final, NoReturn
 
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.experiment.environment_file import Chosen, is_environment_file, resolved, with_paths
 
 
 class UsageError(FieldtruthError):
@@ -77,10 +78,31 @@ def checked_layout(environment: str, path: Path) -> dict[str, Any]:
     from fieldtruth.core.yaml_io import parse_mapping, read_text
     from fieldtruth.world.build import check_layout
 
-    check_layout(environment, None)  # the file does not name it
-    layout = parse_mapping(read_text(path), str(path))
+    layout = with_paths(parse_mapping(read_text(path), str(path)), path.parent)
     check_layout(environment, layout, str(path))
     return layout
+
+
+def chosen(
+    options: argparse.Namespace, default: Mapping[str, Any] | None = None, like: Mapping[str, Any] | None = None
+) -> "Chosen":
+    """Return the environment of a command, a name or a file, with its layout.
+
+    From the lowest to the topmost that is ``default``, the file, ``like`` of an experiment, and ``--layout``.
+
+    Raises:
+        UnknownNameError, ConfigurationError: as ``check_layout``.
+    """
+    from fieldtruth.world.environments import find_environment
+
+    if not is_environment_file(options.environment):
+        find_environment(options.environment)  # what follows takes a second to load
+    from fieldtruth.world.build import check_layout
+
+    check_layout(options.environment, like)
+    changes = {} if options.layout is None else checked_layout(options.environment, options.layout)
+    environment, own = resolved(options.environment)
+    return Chosen(environment, {**(default or {}), **own, **(like or {}), **changes})
 
 
 def words(text: str) -> list[str]:

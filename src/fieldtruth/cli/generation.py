@@ -12,12 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.cli.arguments import UsageError, changes, checked_layout
+from fieldtruth.cli.arguments import UsageError, changes, chosen
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 from fieldtruth.core.files import output_folder, output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import show_progress
+from fieldtruth.experiment.environment_file import world_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -157,7 +158,7 @@ def _title(experiment: "Experiment") -> str:
 
     frames, seconds = experiment.frames, experiment.seconds
     what = f"{seconds:g} s" if seconds else "the route" if frames is None else f"{frames.count} frames"
-    sensors = f"{len(experiment.rig.in_order())} sensors in {experiment.environment}, seed {experiment.seed}"
+    sensors = f"{len(experiment.rig.in_order())} sensors in {experiment.world_name}, seed {experiment.seed}"
     first = "; the first run compiles, too, and takes a minute or two longer than later ones"
     return f"{experiment.name}: {what} with {sensors}{first * lacks_kernels(experiment)}"
 
@@ -243,18 +244,16 @@ def _list(options: argparse.Namespace) -> None:
 
 def _preview(options: argparse.Namespace) -> None:
     from fieldtruth.report.drawing.images import IMAGE_ENDINGS, is_jpeg, write_image
-    from fieldtruth.world.environments import ENVIRONMENTS
 
-    ENVIRONMENTS.find(options.environment)
-    path = f"{options.environment}_{options.seed}_preview.png" if options.out is None else options.out
+    environment, layout = chosen(options)
+    path = f"{world_name(options.environment)}_{options.seed}_preview.png" if options.out is None else options.out
     path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
-    layout = None if options.layout is None else checked_layout(options.environment, options.layout)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
 
     with show_progress() as progress:
         sheet = preview(
-            options.environment,
+            environment,
             options.seed,
             layout=layout,
             width=WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH,
@@ -267,11 +266,13 @@ def _preview(options: argparse.Namespace) -> None:
 
 def _shares(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import with_overrides
-    from fieldtruth.experiment.names import EXPERIMENTS
+    from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 
     if not options.experiments:
-        raise UsageError(f"give experiments, or all. Available: {', '.join(EXPERIMENTS)}")
-    names = list(EXPERIMENTS) if options.experiments == ["all"] else options.experiments
+        raise UsageError(f"give experiments, all or every. Available: {', '.join(EXPERIMENTS)}")
+    names = options.experiments
+    if names in (["all"], ["every"]):
+        names = campaign_experiments(every=names == ["every"])
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.report.shares import shares_of, shares_table
 

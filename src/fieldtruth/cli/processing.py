@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import UsageError, checked_layout
+from fieldtruth.cli.arguments import UsageError, chosen
 from fieldtruth.cli.generation import warn_of_missing
 from fieldtruth.cli.terminal import print_output
 from fieldtruth.core.progress import show_progress
+from fieldtruth.experiment.environment_file import world_name
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
@@ -45,21 +46,22 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.rig import Rig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
-    if like is not None and like.environment != options.environment:
-        expected = f"{like.environment!r}, the environment of {options.experiment}"
+    if like is not None and like.world_name != world_name(options.environment):
+        expected = f"{like.world_name!r}, the environment of {options.experiment}"
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.clouds:
         rig = rig.with_each(lambda each: {"enabled": False} if issubclass(each.gives, Cloud) else {})
+    environment, layout = chosen(options)
     world = (
-        WorldConfig(options.environment)
+        WorldConfig(environment, layout=layout)
         if like is None
         else WorldConfig(like.environment, like.seed, like.layout, like.light, like.weather)
     )
     if options.seed is not None:
         world = replace(world, seed=options.seed)
     if options.layout is not None:
-        world = replace(world, layout=checked_layout(options.environment, options.layout))
+        world = replace(world, layout=layout)
     with show_progress() as progress:
         made = annotate(
             options.bag,

@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands for worlds and rigs in other tools, and for the cache: scene, gazebo, rig, cache."""
+"""Sub-commands for worlds, also in other tools, for rigs and the cache: world, scene, gazebo, rig, cache."""
 
 import argparse
 import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldtruth.cli.arguments import UsageError, checked_layout
+from fieldtruth.cli.arguments import UsageError, chosen
 from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.files import output_path
 from fieldtruth.core.progress import show_progress
+from fieldtruth.experiment.environment_file import world_name
 
 if TYPE_CHECKING:
     from fieldtruth.core.cache_folder import Entry
@@ -19,19 +20,44 @@ if TYPE_CHECKING:
     from fieldtruth.world.model import World
 
 
-def selected_world(options: argparse.Namespace, default: Mapping[str, Any] | None = None) -> "World":
-    """Load the world that the arguments select; ``default`` are changes of the layout that its file may replace."""
+def selected_world(options: argparse.Namespace, *layouts: Mapping[str, Any]) -> "World":
+    """Load the world that the arguments select; layouts as in ``chosen``."""
     from fieldtruth.world.build import load_world
 
-    layout = {} if options.layout is None else checked_layout(options.environment, options.layout)
-    return load_world(options.environment, options.seed, {**(default or {}), **layout})
+    environment, layout = chosen(options, *layouts)
+    return load_world(environment, options.seed, layout)
+
+
+def _world(options: argparse.Namespace) -> None:
+    from fieldtruth.world.build import load_world
+    from fieldtruth.world.environments import FROM_FILES
+
+    environment, layout = chosen(options)
+    with show_progress() as progress:
+        notes: list[str] = []
+        if environment in FROM_FILES:
+            from fieldtruth.world.environments.site.inputs import describe, inputs_of
+
+            with progress.stage("read the maps"):
+                notes = list(describe(*inputs_of(layout)))
+        world = load_world(environment, options.seed, layout, progress=progress)
+    latitude, longitude, height = world.origin
+    triangles = sum(len(world.meshes[each.mesh].faces) for each in world.instances)
+    print(f"{world.name}: {world.size[0]:g} m x {world.size[1]:g} m about {latitude:.7f}, {longitude:.7f}")
+    print(f"origin: {height:.3f} m above the ellipsoid of WGS 84; z = 0 there")
+    for line in notes:
+        print(line)
+    print_line(
+        f"world: {len(world.instances):,} objects of {triangles / 1e6:.1f} million triangles, "
+        f"{len(world.swarms)} swarms; seed {world.seed}"
+    )
 
 
 def _scene(options: argparse.Namespace) -> None:
     from fieldtruth.interchange import check_scene_output, write_scene
 
     out = check_scene_output(
-        f"{options.environment}_{options.seed}", options.out, to=options.to, overwrite=options.overwrite
+        f"{world_name(options.environment)}_{options.seed}", options.out, to=options.to, overwrite=options.overwrite
     )
     with show_progress() as progress:
         with progress.stage("build the world"):
@@ -42,19 +68,16 @@ def _scene(options: argparse.Namespace) -> None:
 
 
 def _gazebo(options: argparse.Namespace) -> None:
-    from fieldtruth.world.environments import ENVIRONMENTS
-
-    ENVIRONMENTS.find(options.environment)
+    chosen(options)
     from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 
     check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
     like = None if options.experiment is None else _experiment_for(options)
     if options.seed is None:
         options.seed = 0 if like is None else like.seed
-    layout = DEFAULT_LAYOUT if like is None else {**DEFAULT_LAYOUT, **like.layout}
     with show_progress() as progress:
         with progress.stage("build the world"):
-            world = selected_world(options, layout)
+            world = selected_world(options, DEFAULT_LAYOUT, {} if like is None else like.layout)
         with progress.stage("write the package"):
             out = write_gazebo(
                 world,
@@ -75,8 +98,8 @@ def _experiment_for(options: argparse.Namespace) -> "Experiment":
     from fieldtruth.world.build import check_layout
 
     like = load_experiment(options.experiment)
-    if like.environment != options.environment:
-        expected = f"{like.environment!r}, the environment of {options.experiment}"
+    if like.world_name != world_name(options.environment):
+        expected = f"{like.world_name!r}, the environment of {options.experiment}"
         raise UsageError(f"ENVIRONMENT must be {expected}, got {options.environment!r}")
     check_layout(like.environment, like.layout, options.experiment)
     check_rig(like.rig, FLAVOURS[options.flavour])
@@ -146,5 +169,5 @@ def _kind(entry: "Entry") -> str:
     return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
 
 
-COMMANDS: Final = {"scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
+COMMANDS: Final = {"world": _world, "scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
 """Sub-commands by name."""

@@ -16,6 +16,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from glob import escape
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -82,6 +83,17 @@ def is_sealed(path: Path, name: str) -> bool:
             return left == 0 and file.read() == digest.digest()
     except OSError:
         return False
+
+
+def file_digests(paths: Iterable[Path]) -> list[bytes]:
+    """Digests of files, each with those beside it that have its name with another ending, as of a Shapefile."""
+    found = []
+    for path in paths:
+        beside = {each for each in path.parent.glob(f"{escape(path.stem)}.*") if each.is_file()}
+        for each in sorted({path, *beside}):
+            with each.open("rb") as file:
+                found.append(each.suffix.encode() + hashlib.file_digest(file, "blake2b").digest())
+    return found
 
 
 def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] = ()) -> str:

@@ -24,6 +24,22 @@ class Origin(NamedTuple):
 PAPER_ORIGIN: Final = Origin(49.9, 8.9, 0.0)
 
 
+def earth_from_world(origin: Origin) -> NDArray[np.float64]:
+    """Pose (4, 4) of a world frame in the frame ``earth`` of REP-105, WGS 84's earth-centred, earth-fixed one [m]."""
+    latitude, longitude = np.radians(origin[:2])
+    (sin, cos), (sin_east, cos_east) = ((np.sin(a), np.cos(a)) for a in (latitude, longitude))
+    north, up = (-sin * cos_east, -sin * sin_east, cos), (cos * cos_east, cos * sin_east, sin)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([north, (sin_east, -cos_east, 0.0), up])
+    pose[:3, 3] = pymap3d.geodetic2ecef(*origin)
+    return pose
+
+
+def origin_of_world(earth_from_world: NDArray[np.float64]) -> Origin:
+    """Origin of a world frame by its pose in ``earth``."""
+    return Origin(*(float(value) for value in pymap3d.ecef2geodetic(*earth_from_world[:3, 3])))
+
+
 def geodetic_from_world(points_world: ArrayLike, origin: Origin = PAPER_ORIGIN) -> NDArray[np.float64]:
     """Latitude [deg], longitude [deg] and ellipsoidal height [m], (..., 3), of points (..., 3) in the world frame."""
     x, y, z = np.moveaxis(np.asarray(points_world, np.float64), -1, 0)

@@ -26,7 +26,7 @@ from fieldtruth.drive.ground import slopes
 from fieldtruth.drive.physics import STOP, Command
 from fieldtruth.experiment.config import ControlConfig, Experiment
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.world.model import Heightfield, World
+from fieldtruth.world.model import Heightfield, World, node_axes
 
 _STEP_S: Final = 0.1
 _TIMEOUT_S: Final = 30.0
@@ -227,7 +227,9 @@ class DriveMonitor:
     def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
         self._half_size = (world.size[0] / 2, world.size[1] / 2)
         self._field = world.terrain.field
-        self._wet = None if world.water_level is None else self._field.heights < world.water_level
+        x, y = node_axes(self._field)
+        dry = world.water_level is None
+        self._wet = None if dry else self._field.heights < world.water_at(x[:, None], y)
         self._follower = follower
         self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate

@@ -299,18 +299,23 @@ def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: A
     scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
     x, y, z = collider.position
     world_from_collider = world_from_object @ pose((x, y, z + height / 2), (0.0, 0.0, collider.yaw_deg))
-    if collider.shape == "cylinder":
-        shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [collider.size[0], height / 2, 0.0]
+    form: dict[str, Any]
+    if collider.points:  # MuJoCo takes the convex hull of a mesh; its mass does not matter
+        spec.add_mesh(
+            name=name, uservert=np.ravel(collider.points) * scale, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        )
+        form, world_from_collider = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}, world_from_object
+    elif collider.shape == "cylinder":
+        form = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": np.array([collider.size[0], height / 2, 0.0]) * scale}
     else:
-        shape, size = mujoco.mjtGeom.mjGEOM_BOX, [s / 2 for s in collider.size]
+        form = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": np.array([s / 2 for s in collider.size]) * scale}
     spec.worldbody.add_geom(
         name=name,
-        type=shape,
-        size=np.array(size) * scale,
         pos=world_from_collider[:3, 3],
         quat=quaternion_wxyz_from_rotation(world_from_collider[:3, :3] / scale),
         contype=0,
         conaffinity=OUTLINE_BIT,
+        **form,
     )
 
 

@@ -45,7 +45,8 @@ from fieldtruth.experiment.config import (
     metres_from_route,
     route_from_metres,
 )
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.environment_file import is_environment_file, world_name
+from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield, World
@@ -138,7 +139,7 @@ def expected_seconds(experiment: Experiment) -> float | None:
     if isinstance(experiment.route, RandomRouteConfig):
         length = experiment.route.random.length_m
     else:
-        corners = metres_from_route(geodetic_route(experiment.route))
+        corners = metres_from_route(experiment.route, experiment.origin)
         length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
     return length / experiment.control.speed
 
@@ -200,7 +201,9 @@ def _planned(
 
 
 def experiments_in(environment: str) -> list[Experiment]:
-    """Return the built-in experiments of an environment, by name."""
+    """Return the built-in experiments of an environment, by name; of a file, one with a random route."""
+    if is_environment_file(environment):
+        return [validated({"name": world_name(environment), "environment": environment}, environment)]
     experiments = map(load_experiment, EXPERIMENTS)
     return [experiment for experiment in experiments if experiment.environment == environment]
 

@@ -72,7 +72,7 @@ class SoilContact:
     def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str]) -> None:
         self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
         terrain = world.terrain
-        self._cover = _grid(terrain.cover), _grid(terrain.trail_distance)
+        self._cover = _grid(terrain.cover), _grid(terrain.other_ground)
         self._stones = _grid(_NO_STONES)
         self._border_width = terrain.border_width
         self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
@@ -91,7 +91,7 @@ class SoilContact:
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:
     """Name of the soil of each material of the cover, of the trail and of its border."""
     terrain = world.terrain
-    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    names = (*terrain.ground_materials, *(terrain.trail_materials or ("", "")))
     types = [world.materials[name].ground_type or UNNAMED if name in world.materials else UNNAMED for name in names]
     for ground_type, soil in replaced.items():
         if ground_type not in types:

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -134,6 +135,8 @@ def _high_parts(surface: HardSurface, soil: Heightfield, step: float) -> Iterato
 
 def _surface(collider: Collider, world_from_object: Array) -> Array:
     """Points (n, 3) in the object's frame whose hull is the collider, dense enough to be cut at a height."""
+    if collider.points:
+        return _along_edges(collider.points)
     height = collider.size[-1]
     scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
     upright = world_from_object[2, 2] > 0.9999 * scale
@@ -147,6 +150,19 @@ def _surface(collider: Collider, world_from_object: Array) -> Array:
         rim = np.stack(np.meshgrid(*across, indexing="ij"), axis=-1).reshape(-1, 2)
     points = np.concatenate([np.tile(rim, (len(levels), 1)), np.repeat(levels, len(rim))[:, None]], axis=1)
     return transform(pose(collider.position, (0.0, 0.0, collider.yaw_deg)), points)
+
+
+@lru_cache(maxsize=4096)
+def _along_edges(corners: tuple[tuple[float, float, float], ...]) -> Array:
+    """Points along the edges of a convex body, dense enough to be cut at a height."""
+    points = np.array(corners)
+    triangles = ConvexHull(points).simplices
+    pairs = np.unique(
+        np.sort(np.concatenate([triangles[:, (0, 1)], triangles[:, (1, 2)], triangles[:, (2, 0)]])), axis=0
+    )
+    first, last = points[pairs[:, 0]], points[pairs[:, 1]]
+    count = 2 + int(float(np.linalg.norm(last - first, axis=1).max()) / _SLICE)
+    return np.asarray((first + np.linspace(0.0, 1.0, count)[:, None, None] * (last - first)).reshape(-1, 3))
 
 
 def _samples(length: float, ends_only: bool) -> Array:
@@ -411,7 +427,7 @@ def _terrain_blockage(world: World, x: Array, y: Array, length: float) -> NDArra
     blockage = np.zeros((len(x), len(y)), np.uint8)
     blockage[(slope > np.tan(np.radians(MAX_SLOPE_DEG)))[cells]] = Blockage.STEEP
     if world.water_level is not None:
-        blockage[(field.heights < world.water_level + FREEBOARD)[cells]] = Blockage.WATER
+        blockage[field.heights[cells] < world.water_at(x[:, None], y) + FREEBOARD] = Blockage.WATER
     return blockage
 
 

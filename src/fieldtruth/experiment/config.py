@@ -14,9 +14,10 @@ from typing import Annotated, Any, Final, Literal, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from fieldtruth.core.errors import RouteError
+from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Number, Positive
+from fieldtruth.experiment.environment_file import CENTRE, Chosen, is_environment_file, resolved
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Name, Number, Positive
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
 
@@ -26,9 +27,6 @@ Metre = Annotated[Number, Field(ge=-10_000, le=10_000)]
 ROUTE_FORMS: Final = (
     "one of {start: ..., waypoints: ...}, {metres: {start: ..., waypoints: ...}}, {random: {length_m: ..., seed: ...}}"
 )
-Name = Annotated[
-    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="a word of at most 64 letters, digits, - and _")
-]
 OneLine = Annotated[
     str,
     Field(max_length=200, pattern=r"^[^\r\n\x85\u2028\u2029]*$", description="a single line of at most 200 characters"),
@@ -80,6 +78,10 @@ class RandomRouteConfig(Frozen):
     """A random route on the free ground of the world: ``random: {length_m: 150, seed: 3}``."""
 
     random: RandomConfig
+
+
+RANDOM_ROUTE: Final[Mapping[str, Any]] = {"random": {"length_m": 100, "seed": 0}}
+"""Route of an experiment in an environment's file that gives none."""
 
 
 def _form(route: object) -> str | None:
@@ -172,6 +174,24 @@ class Experiment(Frozen):
     weather: WeatherConfig = WeatherConfig()
     static_objects: StaticObjects = "auto"
 
+    @model_validator(mode="before")
+    @classmethod
+    def _environment_of_file(cls, given: Any) -> Any:
+        """Replace the path of an environment by what its file says, with a random route and a sun of its own."""
+        layout = given.get("layout", {}) if isinstance(given, Mapping) else None
+        if not isinstance(given, Mapping) or not isinstance(layout, Mapping):
+            return given
+        values, light = dict(given), given.get("light", {})
+        if is_environment_file(given.get("environment")):
+            values["environment"], values["layout"] = _, layout = resolved(given["environment"], layout)
+            if all(given.get(key) is None for key in ("route", "drive", "frames")):
+                values["route"] = RANDOM_ROUTE
+        if CENTRE in layout and isinstance(light, Mapping | str):
+            latitude, longitude, _ = origin_of(layout)
+            own = {"preset": light} if isinstance(light, str) else light
+            values["light"] = {"latitude": latitude, "longitude": longitude, **own}
+        return values
+
     @model_validator(mode="after")
     def _within_limits(self) -> Self:
         robot = self.rig.robot
@@ -199,6 +219,31 @@ class Experiment(Frozen):
         if self.route is not None and self.drive is not None:
             raise ValueError("route and drive exclude each other: a track file replaces the route")
         return self
+
+    @property
+    def world_name(self) -> str:
+        """Name of the world: of the environment, or of its file."""
+        return Chosen(self.environment, self.layout).world_name
+
+    @property
+    def origin(self) -> Origin:
+        """Origin of the world, as far as the experiment says it: the height of a site's is that of its ground."""
+        return origin_of(self.layout)
+
+
+def origin_of(layout: Mapping[str, Any]) -> Origin:
+    """Return the origin of the world of a layout: a site's centre, at height 0; else that of the paper.
+
+    Raises:
+        ConfigurationError: the centre is no pair of numbers.
+    """
+    centre = layout.get(CENTRE)
+    if centre is None:
+        return PAPER_ORIGIN
+    numbers = isinstance(centre, list | tuple) and [n for n in centre if isinstance(n, int | float)]
+    if not numbers or len(numbers) != 2 or len(centre) != 2:
+        raise ConfigurationError(f"layout.{CENTRE} must be [latitude, longitude], in degrees, got {centre!r:.60}")
+    return Origin(float(centre[0]), float(centre[1]), 0.0)
 
 
 DECIMALS: Final = 9

@@ -187,6 +187,9 @@ def _bounds(info: FieldInfo) -> str:
 
 
 # Strict: strings and booleans are not numbers.
+Name = Annotated[
+    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="a word of at most 64 letters, digits, - and _")
+]
 Number = Annotated[float, Strict()]
 Integer = Annotated[int, Strict()]
 Boolean = Annotated[bool, Strict()]

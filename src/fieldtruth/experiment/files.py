@@ -13,6 +13,7 @@ import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.environment_file import is_environment_file, with_paths
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS
@@ -32,7 +33,8 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
 
     A string with a slash or ending in .yaml or .yml is a path; any other is a name first, then a file in the current
     folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here. Paths of a
-    track file, of a URDF and of the figures of a signal may be relative to the YAML file.
+    track file, of a URDF, of the figures of a signal, of an environment and of its maps may be relative to the YAML
+    file.
 
     Raises:
         UnknownNameError: neither a built-in experiment nor a file.
@@ -52,7 +54,11 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
     """
     data = parse_mapping(text, source or "experiment")
     check_version(data.pop(VERSION_KEY, None), source)
-    rig = data.get("rig")
+    rig, environment, layout = data.get("rig"), data.get("environment"), data.get("layout")
+    if folder is not None and is_environment_file(environment):
+        data["environment"] = str(folder / Path(str(environment)).expanduser())
+    if folder is not None and isinstance(layout, dict):
+        data["layout"] = with_paths(layout, folder)
     if folder is not None and isinstance(rig, dict) and isinstance(rig.get(URDF), str) and rig[URDF]:
         data["rig"] = rig = rig | {URDF: str(folder / rig[URDF])}
     if folder is not None and rig is not None:

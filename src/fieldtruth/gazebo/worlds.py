@@ -20,10 +20,8 @@ import orjson
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.arrays import Array
-from fieldtruth.core import geodesy
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import CLASSES, GROUND_ID, PALETTE, Label
+from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.drive.ground import HARD
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.robot_config import GRAVITY
@@ -66,7 +64,7 @@ class Part:
     model: str
     mesh: str
     material: str
-    label: Label
+    label: int
     pose: tuple[float, ...] = (0.0,) * 6
     scale: float = 1.0
     solid: bool = True
@@ -87,7 +85,7 @@ AddMesh = Callable[[Part, Surface], None]
 class Body:
     """A static model: its name in /gazebo/model_states, pose in the world, parts.
 
-    ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``.
+    ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``; without any it is its solid parts.
     """
 
     name: str
@@ -110,8 +108,10 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     yield _ground(world, add)
     for instance in world.instances:
         mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
-        parts = tuple(replace(part, scale=scale) for part in parts_of(mesh))
-        yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
+        touched = bool(mesh.colliders)
+        parts = tuple(replace(part, scale=scale, solid=part.solid and touched) for part in parts_of(mesh))
+        primitives = () if any(collider.points for collider in mesh.colliders) else mesh.colliders
+        yield Body(name=instance.name, parts=parts, pose=pose, colliders=primitives, scale=scale)
     if beyond and world.backdrop is not None:
         yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
     small = {swarm.name for swarm in world.swarms if _mean_faces(world, swarm) < SMALL}
@@ -464,14 +464,15 @@ def _write_models(
     """Write the models and the two world files; ``textures`` are the files of images by material."""
     models, materials = folder / "models", f"{world.name}_materials"
     clear = {material.name for material in world.materials.values() if material.mirror > 0}
-    colours = {c.label.name: PALETTE[c.label] / 255 for c in CLASSES if c.rgb is not None}
+    keys = {int(row.label): row.key.upper() for row in world.classes.coloured}
     values = {
         "flavour": flavour,
         "version": _VERSION[flavour],
         "materials": materials,
         "textures": textures,
         "clear": clear,
-        "colours": colours,
+        "keys": keys,
+        "colours": {key: world.classes.palette[label] / 255 for label, key in keys.items()},
     }
     if flavour == "classic":
         script = render("worlds", "ogre.material.jinja", **values)
@@ -507,7 +508,7 @@ def _shared(bodies: Iterable[Body]) -> list[Body]:
 
 def _write_model(folder: Path, world: World, body: Body, values: dict[str, Any]) -> None:
     classes = sorted({part.label for part in body.parts})
-    description = f"{body.name}: {', '.join(CLASSES[label].name for label in classes)}. Made for {world.name}."
+    description = f"{body.name}: {', '.join(world.classes[label].name for label in classes)}. Made for {world.name}."
     write(folder / "model.sdf", render("worlds", "model.xml.jinja", **values, body=body, flat=False))
     config = render(
         "worlds", "model.config.xml.jinja", name=body.name, description=description, version=values["version"]

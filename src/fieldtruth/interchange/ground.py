@@ -297,7 +297,7 @@ def _albedo(world: World, table: MaterialTable, x: Array, y: Array, pixels_per_m
         for value, low, size in zip((x, y), (x0, y0), grain.shape, strict=True)
     )
     x, y = np.meshgrid(x, y)
-    trail = world.terrain.trail_distance.at(x, y)
+    trail = world.terrain.other_ground.at(x, y)
     border = np.where(trail > -table.border_width, table.border, table.trail)
     row = np.where(trail < 0, border, grain[np.ix_(i, j)].T)
     mixed = Raster(values=table.ground[..., :3], spacing=1 / table.per_metre_rgb, x0=x0, y0=y0)

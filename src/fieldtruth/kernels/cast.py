@@ -61,7 +61,7 @@ class CastTable(NamedTuple):
     face_material: NDArray[np.int16]  # (faces of all meshes,) row of the world's materials
     label: NDArray[np.uint8]  # (materials,) class ids
     cover: Float32Array  # (nx, ny, c) weights of the materials of the ground
-    ground: NDArray[np.int16]  # (c + 2,) their rows, then those of the trail and of its border
+    ground: NDArray[np.int16]  # (c + 2,) their rows, then those of the trail, or -1, and of its border
     grid: Grid  # of the cover; its values are the first channel
     border_width: float
 
@@ -157,7 +157,7 @@ def _ground(hits: HitTable, table: CastTable, x: float, y: float) -> tuple[int, 
     """Row of the material, and class, of the ground at world x, y [m]."""
     ground, channels = table.ground, table.cover.shape[2]
     trail = read_grid(hits.trail_distance, x, y)
-    if trail < 0.0:
+    if trail < 0.0 and ground[channels] >= 0:
         return ground[channels + 1 if trail > -table.border_width else channels], _TRAIL
     grid, values = table.grid, table.cover
     u = min(max((x - grid.x0) * grid.per_metre, 0.0), values.shape[0] - 1.0)
@@ -170,7 +170,7 @@ def _ground(hits: HitTable, table: CastTable, x: float, y: float) -> tuple[int, 
         weight = low * (1.0 - fu) + (values[i + 1, j, c] * (1.0 - fv) + values[i + 1, j + 1, c] * fv) * fu
         if weight > most:
             best, most = c, weight
-    return ground[best], _GROUND
+    return ground[best], _TRAIL if trail < 0.0 else _GROUND
 
 
 @inlined

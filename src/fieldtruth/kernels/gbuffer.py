@@ -322,7 +322,7 @@ def _terrain_colours(
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
-        trail = _shade_of(edge, x, y)
+        trail = _shade_of(edge, x, y) if trail_row >= 0 else one
         if trail < zero:
             row = np.uintp(border_row if trail > np.float32(-materials.border_width) else trail_row)
         else:

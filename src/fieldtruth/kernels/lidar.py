@@ -102,8 +102,8 @@ class SurfaceTable(NamedTuple):
     face_material: NDArray[np.uint16]  # (faces of all meshes,) row of ``material``; a mesh starts at HitTable.mesh_face
     material: Float32Array  # (materials, 3) columns of a Reflectance
     top_rotation: Float32Array  # (tops, 3, 3) world from object, without scale
-    ground: Grid  # reflectance off the trails
-    trail: float
+    ground: Grid  # reflectance off the trails, or everywhere
+    trail: float  # below 0: that of the ground
     border: float
     border_width: float  # [m] inwards from a trail's edge
 
@@ -155,7 +155,7 @@ def surface_of(
     """Return the three columns of the reflectance of a hit at world x, y [m]."""
     if top == TERRAIN:
         inside = read_grid(hits.trail_distance, x, y)
-        if inside >= 0.0:
+        if inside >= 0.0 or surfaces.trail < 0.0:
             return read_grid(surfaces.ground, x, y), 0.0, 1.0
         return (surfaces.border if inside > -surfaces.border_width else surfaces.trail), 0.0, 1.0
     row, material = surfaces.face_material[hits.mesh_face[hits.top_mesh[top]] + primitive], surfaces.material

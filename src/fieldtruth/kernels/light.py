@@ -181,7 +181,7 @@ class MaterialTable(NamedTuple):
     corner: tuple[float, float]  # [m] x and y of the first node of ground and ground_material
     per_metre_rgb: float
     per_metre_material: float
-    trail: int  # rows of materials
+    trail: int  # rows of materials; -1: the cover has that of trails, too
     border: int
     border_width: float
 

@@ -61,17 +61,17 @@ class Elevation:
         Raises:
             ConfigurationError: a node is outside the data.
         """
-        lattice = [np.linspace(axis[0], axis[-1], max(4, int(np.ptp(axis) / _LATTICE) + 2)) for axis in (x, y)]
-        places = np.stack(np.meshgrid(*lattice, indexing="ij"), axis=-1)
+        u, v = (np.linspace(axis[0], axis[-1], max(4, int(np.ptp(axis) / _LATTICE) + 2)) for axis in (x, y))
+        places = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
         coefficients = spline_filter(self.heights, order=3, mode="mirror")
         z = np.zeros(places.shape[:2])
         for _ in range(2):
             cells = self._cells(np.concatenate([places, z[..., None]], axis=-1), origin)
             z = self._world_height(_sampled(coefficients, cells), places, origin)
-        rows, columns = (RectBivariateSpline(*lattice, cells[..., k])(x, y) for k in (0, 1))
+        rows, columns = (RectBivariateSpline(u, v, cells[..., k])(x, y) for k in (0, 1))
         ellipsoidal = _sampled(coefficients, np.stack([rows, columns], axis=-1))
         drop = self._world_height(np.zeros(places.shape[:2]), places, origin)  # of the ellipsoid below the plane
-        return np.asarray(ellipsoidal + RectBivariateSpline(*lattice, drop)(x, y))
+        return np.asarray(ellipsoidal + RectBivariateSpline(u, v, drop)(x, y))
 
     def _cells(self, points_world: Array, origin: Origin) -> Array:
         """Row and column (..., 2), 0 in the middle of the first cell, of points (..., 3)."""
@@ -132,8 +132,8 @@ def read_raster(
 
     try:
         with rasterio.open(path) as dataset:
-            system = _crs(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
-            low, high = _covered(path, dataset, system, origin, size)
+            system = crs_of(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
+            low, high = covered(path, dataset, system, origin, size)
             if (cells := np.prod(high - low)) > MOST_CELLS:
                 raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
@@ -147,7 +147,7 @@ def read_raster(
     return Elevation(path, system, filled, missing, transform, _resolution(system, transform, filled.shape), note)
 
 
-def _covered(
+def covered(
     path: Path, dataset: "DatasetReader", crs: Any, origin: Origin, size: tuple[float, float]
 ) -> tuple[Array, Array]:
     """First row and column, and those after the last, of the cells that a world covers, with ``MARGIN``."""
@@ -166,7 +166,8 @@ def _covered(
     return np.maximum(low, 0).astype(int), np.minimum(high, shape).astype(int)
 
 
-def _crs(path: Path, given: str | None, found: str | None) -> Any:
+def crs_of(path: Path, given: str | None, found: str | None) -> Any:
+    """Coordinate reference system that is given, else that of the file; raises ConfigurationError without one."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -200,6 +201,12 @@ def _reference(crs: Any, reference: Reference | None, geoid_height: float | None
             f"heights {how} above the geoid, which is assumed to be 0 m above the ellipsoid: give geoid_height",
         )
     return geoid_height, factor, f"heights {how} above the geoid, {geoid_height:g} m above the ellipsoid"
+
+
+def metres_of_points(crs: Any) -> float:
+    """Metres per unit of the heights of laser points: the vertical unit, or where none is stated the horizontal one."""
+    vertical = next((each for each in crs.sub_crs_list if each.is_vertical), crs)
+    return float(vertical.axis_info[0].unit_conversion_factor)
 
 
 def _without_voids(path: Path, heights: Array, missing: Mask) -> Array:
@@ -243,18 +250,21 @@ def read_ground_points(
 
     points, system = _ground_points(path, crs)
     middle, reach = _on_the_map(system, origin), float(np.hypot(*size)) / 2.0 + 20.0
-    points = points[(np.abs(points[:, :2] - middle) <= reach).all(axis=1)]
+    metres = system.axis_info[0].unit_conversion_factor  # of a foot, where the map has feet
+    points = points[(np.abs(points[:, :2] - middle) <= reach / metres).all(axis=1)]
     if len(points) < 2:
         raise ConfigurationError(f"{path}: no ground points within {reach:.0f} m of the world's centre")
-    spacing = max(0.25, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0))
+    spacing = max(
+        0.25 / metres, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0)
+    )
     west, north = points[:, 0].min() - spacing / 2, points[:, 1].max() + spacing / 2
     column, row = ((points[:, 0] - west) // spacing).astype(int), ((north - points[:, 1]) // spacing).astype(int)
     shape = int(row.max()) + 1, int(column.max()) + 1
     cell, cells = row * shape[1] + column, shape[0] * shape[1]
     count = np.bincount(cell, minlength=cells).reshape(shape)
     mean = np.bincount(cell, points[:, 2], minlength=cells).reshape(shape) / np.maximum(count, 1)
-    above, factor, note = _reference(system, reference, geoid_height)
-    filled = _without_voids(path, mean * factor + above, count == 0)
+    above, _, note = _reference(system, reference, geoid_height)
+    filled = _without_voids(path, mean * metres_of_points(system) + above, count == 0)
     transform = from_origin(west, north, spacing, spacing)
     return Elevation(path, system, filled, count == 0, transform, _resolution(system, transform, shape), note)
 
@@ -274,7 +284,7 @@ def _ground_points(path: Path, crs: str | None) -> tuple[Array, Any]:
                 chunks.append(np.stack([ground.x, ground.y, ground.z], axis=-1))
     except (laspy.errors.LaspyException, OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
-    system = _crs(path, crs, found.to_wkt() if found is not None else None)
+    system = crs_of(path, crs, found.to_wkt() if found is not None else None)
     if not system.is_projected:
         raise ConfigurationError(f"{path}: {system.name} has degrees; laser points need a projected one, in metres")
     if not sum(map(len, chunks)):

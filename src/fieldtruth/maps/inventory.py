@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trees of an inventory: a table (CSV) or a layer (GeoPackage, GeoJSON, Shapefile) with a position for each.
 
-Columns are found by their usual names, with units as in ``dbh_cm`` or ``Höhe [m]``.
+Columns are found by their usual names, with units as in ``BHD (cm)`` or ``Höhe [m]``.
 """
 
 import csv

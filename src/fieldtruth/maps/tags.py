@@ -72,7 +72,7 @@ def _shapes(kind: Kind, loop: bool, area: bool) -> tuple[Shape, ...]:
 
 
 def number(text: str | None) -> float | None:
-    """A count in a tag, None if it is none."""
+    """A count in a tag; None for other text."""
     return float(text) if text and re.fullmatch(r"\d{1,3}(\.\d+)?", text) else None
 
 
@@ -80,7 +80,7 @@ _UNITS: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, 
 
 
 def metres(text: str | None) -> float | None:
-    """Length [m] in a tag: metres, with a unit, or feet and inches as in 16'3"; None if it is none above 0."""
+    """Length [m] in a tag: metres, with a unit, or feet and inches as in 16'3"; None for other text, and for 0."""
     if feet := re.fullmatch(r"(\d{1,4})' ?(\d{1,2})\"", text or ""):
         return (int(feet[1]) * 12 + int(feet[2])) * 0.0254 or None
     found = re.fullmatch(r"(\d{1,5}(?:[.,]\d+)?) ?(m|cm|mm|km|ft|'|in|\")?", (text or "").strip())

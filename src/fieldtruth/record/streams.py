@@ -191,7 +191,7 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     motion, base = track.motion, track.base
     objects = messages.ModelStatesWriter(world)
     states = messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
-    fixed = messages.fixed_transforms(rig)
+    fixed = messages.fixed_transforms(rig, world.origin)
     every_step = motion.stamps_ns
     rows = np.searchsorted(every_step, poses)
 

@@ -66,6 +66,9 @@ def material_table(world: World, sun: Array | None = None, wetness: float = 0.0)
     tint = np.array([m.tint for m in materials], np.float32)
     rows = [names.index(n) for n in terrain.ground_materials]
     rgb, material = _ground(terrain, rows, atlas.mean[texture] * tint)
+    if terrain.colour is not None:
+        rgb = terrain.colour
+    trail, border = (names.index(name) for name in terrain.trail_materials) if terrain.trail_material else (-1, -1)
     solid = solid_surface(terrain)
     wear = ground_wear(terrain, rgb, world.seed)
     relief = [m.relief if world.textures[m.texture].shape[2] > 3 else 0.0 for m in materials]
@@ -97,8 +100,8 @@ def material_table(world: World, sun: Array | None = None, wetness: float = 0.0)
         corner=(terrain.cover.x0, terrain.cover.y0),
         per_metre_rgb=1.0 / terrain.cover.spacing,
         per_metre_material=_FINER / terrain.cover.spacing,
-        trail=names.index(terrain.trail_material),
-        border=names.index(terrain.border_material),
+        trail=trail,
+        border=border,
         border_width=terrain.border_width,
     )
 

@@ -12,10 +12,11 @@ import numpy as np
 
 import fieldtruth
 from fieldtruth.bag.file import TRACK
-from fieldtruth.bag.messages import fixed_transforms
+from fieldtruth.bag.messages import EARTH, fixed_transforms
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import CLASSES, NO_RETURN
+from fieldtruth.core.classes import NO_RETURN
+from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading
 from fieldtruth.core.templates import templates
@@ -175,9 +176,10 @@ def data_card(
         sensors=[*sensor_lines(rig), *measured],
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
-        classes=CLASSES,
+        classes=world.classes,
         no_return=NO_RETURN,
-        frames=_frames(rig),
+        origin=_origin(world.origin),
+        frames=_frames(rig, world.origin),
         odometry=note_lines(rig, Odometry),
         inertial=note_lines(rig, Inertial),
     )
@@ -188,12 +190,19 @@ def card_part(name: str) -> str:
     return _TEMPLATES.get_template(f"card_{name}.md.jinja").render().rstrip()
 
 
-def _frames(rig: Rig) -> list[tuple[str, ...]]:
+def _origin(origin: Origin) -> str:
+    latitude, longitude, height = origin
+    north, east = "NS"[latitude < 0], "EW"[longitude < 0]
+    return f"{abs(latitude):.9g} deg {north}, {abs(longitude):.9g} deg {east}, {height:g} m"
+
+
+def _frames(rig: Rig, origin: Origin) -> list[tuple[str, ...]]:
     """Parent, child, position and quaternion of each fixed frame."""
-    rows = []
-    for (parent, child), parent_from_child in fixed_transforms(rig).items():
+    rows: list[tuple[str, ...]] = []
+    for (parent, child), parent_from_child in fixed_transforms(rig, origin).items():
         wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
         xyzw = transforms.xyzw_from_wxyz(wxyz).round(9)
-        numbers = (", ".join(f"{value:.6g}" for value in part + 0.0) for part in (parent_from_child[:3, 3], xyzw))
-        rows.append((parent, child, *numbers))
+        digits = ".3f" if parent == EARTH else ".6g"
+        xyz = ", ".join(f"{value:{digits}}" for value in parent_from_child[:3, 3] + 0.0)
+        rows.append((parent, child, xyz, ", ".join(f"{value:.6g}" for value in xyzw + 0.0)))
     return rows

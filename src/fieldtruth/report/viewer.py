@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.geometry import Lens
-from fieldtruth.bag.messages import WHEEL_FRAMES
+from fieldtruth.bag.messages import WHEEL_FRAMES, WORLD
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors, output_path
 from fieldtruth.core.progress import Progress, Silent, counted
@@ -79,10 +78,11 @@ class _Log:
     def everything(self, progress: Progress) -> None:
         """Log static data, then the messages in time order."""
         rr, run = self.rr, self.run
-        described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
+        described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in run.classes.coloured]
         self.recording.log("/", rr.AnnotationContext(described), static=True)
         self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        parents = run.calibration.static.parents if table.TF_STATIC in run.counts else {}
+        parents = dict(run.calibration.static.parents) if table.TF_STATIC in run.counts else {}
+        parents.pop(WORLD, None)  # its place on the earth is not shown
         self._entities = entities({(parent, child): matrix for child, (parent, matrix) in parents.items()})
         for child, (_, parent_from_child) in parents.items():
             self.recording.log(self._entities[child], self._transform(parent_from_child), static=True)

@@ -256,7 +256,7 @@ def _make_cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.fl
     rows = {name: row for row, name in enumerate(world.materials)}
     faces = [np.array([rows[n] for n in m.materials], np.int16)[m.material] for m in meshes]
     terrain = world.terrain
-    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    ground = [rows[name] for name in (*terrain.ground_materials, *terrain.trail_materials)]
     cover = np.ascontiguousarray(terrain.cover.values, np.float32)
     rotations = aligned(16 * len(poses)).reshape(-1, 16)
     rotations[:, :9] = np.array([pose[:3, :3].ravel() for pose in poses])
@@ -269,7 +269,7 @@ def _make_cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.fl
         face_material=np.concatenate([*faces, np.zeros(1, np.int16)]),
         label=np.array([int(material.label) for material in world.materials.values()], np.uint8),
         cover=cover,
-        ground=np.array([rows[name] for name in names], np.int16),
+        ground=np.array(ground if terrain.trail_material else [*ground, -1, -1], np.int16),
         grid=Grid(cover[..., 0], terrain.cover.x0, terrain.cover.y0, 1.0 / terrain.cover.spacing),
         border_width=terrain.border_width,
     )

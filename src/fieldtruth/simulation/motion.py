@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.spatial import KDTree
+from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fieldtruth.bag.file import TRACK
@@ -119,8 +119,9 @@ def _solids(world: World, points: Array) -> Iterator[_Found]:
     ground = world.terrain.field.height_at(points[:, 0], points[:, 1])
     yield _Found(every, ground - points[:, 2], "below the ground")
     if world.water_level is not None:
-        wet = every[ground < world.water_level]
-        yield _Found(wet, world.water_level - points[wet, 2], "under water")
+        level = world.water_at(points[:, 0], points[:, 1])
+        wet = every[ground < level]
+        yield _Found(wet, level[wet] - points[wet, 2], "under water")
     plan = KDTree(points[:, :2])
     for instance in world.instances:
         for collider in world.meshes[instance.mesh].colliders:
@@ -138,6 +139,9 @@ def _solids(world: World, points: Array) -> Iterator[_Found]:
 
 def _depth(collider: Collider, points: Array) -> Array:
     """Depth [in units of the object], (n,), of points (n, 3) in a collider's frame; above 0 inside."""
+    if collider.points:  # the middle of the bounding box's base is the origin
+        faces = ConvexHull(np.array(collider.points) - collider.position).equations
+        return np.asarray(-(points @ faces[:, :3].T + faces[:, 3]).max(axis=1))
     *across, height = collider.size
     if collider.shape == "cylinder":
         sides = [across[0] - np.hypot(points[:, 0], points[:, 1])]

@@ -21,10 +21,11 @@ from fieldtruth.core.errors import ConfigurationError, DriveError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
-from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.plan import experiments_in, plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track, state_at
 from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
@@ -91,6 +92,8 @@ def experiment_for(
 
 
 def _in_environment(environment: str | None, world: World | None) -> Experiment:
+    if environment is not None and is_environment_file(environment):
+        return experiments_in(environment)[0]
     name = environment or (world.name if world is not None else "")
     built_in = (load_experiment(each) for each in EXPERIMENTS)
     if world is None and (same := next((each for each in built_in if each.environment == name), None)) is not None:

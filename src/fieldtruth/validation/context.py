@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.geometry import StaticFrames
+from fieldtruth.bag.messages import WORLD
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, origin_of_world
 from fieldtruth.drive.track import Motion, State, state_at
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -129,8 +130,13 @@ class Context:
 
     @property
     def origin(self) -> Origin:
-        """Origin of the world's frame; of a world that was not rebuilt that of built-in ones."""
-        return PAPER_ORIGIN if self.rebuilt is None else self.rebuilt.world.origin
+        """Origin of the world's frame: of the world, or of the bag; before its /tf_static without height."""
+        if self.rebuilt is not None:
+            return self.rebuilt.world.origin
+        _, pose = self.parents.get(WORLD, ("", None))
+        if pose is not None:
+            return origin_of_world(pose)
+        return PAPER_ORIGIN if self.experiment is None else self.experiment.origin
 
     @property
     def experiment(self) -> Experiment | None:

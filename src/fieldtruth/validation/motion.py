@@ -26,6 +26,7 @@ from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
+from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.readings import Fix, Inertial
 from fieldtruth.drive.controller import WaypointFollower, antenna_geodetic
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, geodetic_route, metres_from_route
@@ -213,7 +214,9 @@ class Mounts(Checker):
         if self._context.experiment is not None and table.TF_STATIC in self._context.run.counts:
             self._tally[ONCE].see(self._published == 1, f"{self._published} messages of {table.TF_STATIC}")
         if parents := self._context.parents:
-            for (parent, child), true in fixed_transforms(self._context.rig).items():
+            rebuilt = self._context.rebuilt
+            origin = PAPER_ORIGIN if rebuilt is None else rebuilt.world.origin  # a bag's own need not be compared
+            for (parent, child), true in fixed_transforms(self._context.rig, origin).items():
                 found_parent, found = parents.get(child, ("", true))
                 residual = float(np.abs(found - true).max()) if found_parent == parent else np.nan
                 self._tally[MOUNTS].measure(residual, f"{child!r} in {parent!r}")

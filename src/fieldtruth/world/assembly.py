@@ -20,6 +20,8 @@ from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.world.litter import scatter_litter
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Instance, Mesh, Swarm, Terrain, World
+from fieldtruth.world.objects.config import ObjectConfig
+from fieldtruth.world.objects.place import scatter_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.textures import make_textures
 
@@ -36,13 +38,17 @@ def assemble(
     backdrop: Mesh,
     beyond: Sequence[FarSwarm] = (),
     litter: float = 0.0,
+    objects: Sequence[ObjectConfig] = (),
     origin: Origin = PAPER_ORIGIN,
 ) -> World:
     """Make a world of a builder's objects and swarms, of the swarms ``beyond`` its edge, and of an amount of litter.
 
+    Own ``objects`` that are to be scattered take the space that is left.
+
     Instance ids of swarms follow those of the named objects, so that each id is a row of /gazebo/model_states. Litter
     has the last ones, and a seed of its own: all else is the same without it.
     """
+    scatter_objects(builder, terrain, objects, seed)
     meshes, further = dict(builder.meshes), list(beyond)
     if litter:
         further += scatter_litter(builder, terrain, litter, np.random.default_rng([seed, _LITTER_SEED]))
@@ -51,7 +57,8 @@ def assemble(
     first = GROUND_ID + 1 + len(builder.instances)
     swarms = [replace(s, object_id=first + k) for k, s in enumerate([*builder.swarms, *(s for s, _ in further)])]
     used = used_materials(terrain, (*meshes.values(), backdrop))
-    materials = {n: material for n, material in MATERIALS.items() if n in used}
+    materials = {n: material for n, material in (*MATERIALS.items(), *builder.materials.items()) if n in used}
+    drawn = dict.fromkeys(n for m in materials.values() for n in m.images if n not in builder.textures)
     return World(
         name=name,
         seed=seed,
@@ -61,7 +68,7 @@ def assemble(
         instances=tuple(builder.instances),
         swarms=tuple(swarms),
         materials=materials,
-        textures=make_textures(textures, dict.fromkeys(n for m in materials.values() for n in m.images)),
+        textures={**make_textures(textures, drawn), **builder.textures},
         backdrop=backdrop,
         water_level=builder.water_level,
         object_names=("husky", f"{name}_ground", *(i.name for i in builder.instances), *(s.name for s in swarms)),
@@ -111,7 +118,7 @@ def cut_at_edge(world: World) -> World:
 
 def used_materials(terrain: Terrain, meshes: Iterable[Mesh]) -> set[str]:
     """Names of the materials that a terrain or a mesh has."""
-    ground = {*terrain.ground_materials, terrain.trail_material, terrain.border_material}
+    ground = {*terrain.ground_materials, *terrain.trail_materials}
     return ground.union(*(mesh.materials for mesh in meshes))
 
 

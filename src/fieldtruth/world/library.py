@@ -137,7 +137,7 @@ class Library(Mapping[str, T]):
 
     def remove(self, name: str) -> None:
         """Forget a file and its materials and textures."""
-        _files()[self._folder].pop(name)
+        _files()[self._folder].pop(name, None)
         self._models.pop(name, None)
         _section.cache_clear()
 

@@ -21,7 +21,7 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Positive
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
-from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain
+from fieldtruth.world.model import LITTER, Mesh, Swarm, Terrain, water_at
 from fieldtruth.world.placement import WorldBuilder, jittered_grid, make_swarm, rotations_to, upright_poses
 from fieldtruth.world.plants.grasses import discs, kites, spindles
 from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
@@ -215,8 +215,9 @@ def _covers(name: str, entry: Entry, source: str) -> tuple[Cover, ...]:
     for item in (item for cover in covers for item in cover.items):
         if item.shape not in SHAPES:
             raise ConfigurationError(f"{source}: unknown shape {item.shape!r}; {suggestion(item.shape, SHAPES)}")
-        if not {f"litter_{item.material}", f"trail_{item.material}"} & set(MATERIALS):
-            raise ConfigurationError(f"{source}: no material litter_{item.material} or trail_{item.material}")
+        for material in (f"litter_{item.material}", f"trail_{item.material}"):
+            if material not in MATERIALS:
+                raise ConfigurationError(f"{source}: no material {material}")
     return covers
 
 
@@ -231,12 +232,14 @@ def scatter_litter(
     area = builder.size[0] * builder.size[1]
     amount = amount * min(1.0, MOST_AREA / area)
     ground = [MATERIALS[name].ground_type for name in terrain.ground_materials]
-    trail = MATERIALS[terrain.trail_material].ground_type if builder.trails else ""
+    trail = MATERIALS[terrain.trail_material].ground_type if builder.trails and terrain.trail_material else ""
     found: dict[bool, list[tuple[list[Mesh], Array]]] = {False: [], True: []}
-    for name in dict.fromkeys([*ground, trail]):
+    for name, on_trail in [*((each, False) for each in dict.fromkeys(ground)), (trail, True)]:
         for row, cover in enumerate(LITTER_BY_GROUND.get(name, ())):
-            on_trail = name == trail
-            meshes = [_patch(f"{name}_{row}_{k}", cover, rng, on_trail=on_trail) for k in range(VARIANTS)]
+            meshes = [
+                _patch(f"{name}_{row}_{k}{'_on_trail' * (on_trail and trail in ground)}", cover, rng, on_trail=on_trail)
+                for k in range(VARIANTS)
+            ]
             share = np.array([each == name for each in ground], np.float64)
             xy = _positions(builder, terrain, cover, None if on_trail else share, amount, rng)
             found[on_trail].append((meshes, _poses(terrain, xy, cover.radius, rng)))
@@ -278,7 +281,7 @@ def _positions(
         else:
             keep = (terrain.cover.at(*xy.T) @ share) * (edge > cover.radius)
         if builder.water_level is not None:
-            keep *= terrain.surface.height_at(*xy.T) > builder.water_level + 0.03
+            keep *= terrain.surface.height_at(*xy.T) > water_at(builder.water_level, *xy.T) + 0.03
         if trees is not None:
             keep *= np.exp(-((trees.query(xy)[0] / UNDER_TREES) ** 2)) if trees.n else 0.0
         if cover.where == "at edges":

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
+from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 
@@ -40,7 +40,7 @@ class Material:
     """
 
     name: str
-    label: Label
+    label: int
     texture: str
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     translucency: float = 0.0
@@ -63,6 +63,8 @@ class Material:
     """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
     """Ground type, a name in ``materials.GROUND_TYPES``; empty for anything else."""
+    reflectance: float | None = None
+    """Of a LiDAR's light; None for that of its ground type, texture or class."""
 
     @property
     def images(self) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Collider:
-    """An upright primitive that replaces a mesh in the physics, in the object's frame.
+    """An upright primitive, or a convex body, that replaces a mesh in the physics, in the object's frame.
 
     ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: base centre.
     """
@@ -81,6 +83,8 @@ class Collider:
     size: tuple[float, ...]
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     yaw_deg: float = 0.0
+    points: tuple[tuple[float, float, float], ...] = ()
+    """Corners [m] of a convex body, whose bounding box the other values are; empty for a primitive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +254,10 @@ class Terrain:
 
     ``snow`` (nx, ny) [m] is the depth of snow, of which ``layer`` is at least as high; None without any.
 
-    ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails.
+    ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails, or
+    everywhere if ``trail_material`` is empty: then trails differ in their materials.
+
+    ``colour`` (nx, ny, 3) is the linear colour of the ground at the cover's nodes; None: the mean of its materials.
     """
 
     field: Heightfield
@@ -262,8 +269,20 @@ class Terrain:
     border_width: float = 0.0  # [m], measured inwards from the trail's edge
     layer: NDArray[np.float32] | None = None
     snow: NDArray[np.float32] | None = None
+    colour: NDArray[np.float32] | None = None
     visible: bool = True
     """True: rays meet it, and exports contain it. Otherwise only light and physics assume the ground there."""
+
+    @property
+    def trail_materials(self) -> tuple[str, ...]:
+        """Materials of trails and of their borders that are not in the cover."""
+        return (self.trail_material, self.border_material) if self.trail_material else ()
+
+    @property
+    def other_ground(self) -> Raster:
+        """Distance [m] to the ground that has one of ``trail_materials``, signed as ``trail_distance``."""
+        nowhere = np.full((2, 2), np.float32(1e3))
+        return self.trail_distance if self.trail_material else Raster(values=nowhere, spacing=1e6, x0=-5e5, y0=-5e5)
 
     @cached_property
     def surface(self) -> Heightfield:
@@ -288,8 +307,9 @@ class World:
     materials: Mapping[str, Material]
     textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB or (n, n, 4) with heights, tileable, n a power of two
     swarms: tuple[Swarm, ...] = ()
-    water_level: float | None = None
-    """Height [m] of the water's surface, which is an instance of kind "water"; lower ground is under water."""
+    water_level: float | Raster | None = None
+    """Height [m] of the water's surface, which are instances of kind "water"; lower ground is under water. A raster if
+    there are several bodies of water, far below the ground where there is none."""
     backdrop: Mesh | None = None
     """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
     layout: Mapping[str, Any] = field(default_factory=dict)
@@ -320,7 +340,7 @@ class World:
             raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
         objects = objects_of(meshes)
         materials: dict[str, Material] = {}
-        soil = _plain(materials, Label.GROUND, GREY)
+        soil = _plain(materials, CLASSES[Label.GROUND], GREY)
         placed = [_object(name, k, parts, materials) for k, (name, parts) in enumerate(objects.items(), GROUND_ID + 1)]
         corners = np.concatenate([each.corners for parts in objects.values() for each in parts])
         side = max(2 * (float(np.abs(corners[..., :2]).max()) + (0.0 if ground is None else _AROUND)), 1.0)
@@ -337,11 +357,27 @@ class World:
             object_names=(*TAKEN, *objects),
         )
 
+    @cached_property
+    def classes(self) -> ClassTable:
+        """Classes of its materials, and all that any world may have."""
+        return CLASSES.without(*OF_MAPS - {material.label for material in self.materials.values()})
+
+    def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""
+        return water_at(self.water_level, x, y)
+
     @property
     def has_wide_ids(self) -> bool:
         """True if an instance id needs more than 16 bits."""
         ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
         return max(ids, default=0) >= WIDE_IDS
+
+
+def water_at(level: float | Raster | None, x: ArrayLike, y: ArrayLike) -> Array:
+    """``World.water_at`` of a ``World.water_level``."""
+    if isinstance(level, Raster):
+        return level.at(x, y)
+    return np.full(np.broadcast(x, y).shape, -np.inf if level is None else level)
 
 
 GREY: Final = (0.3, 0.3, 0.3)
@@ -353,12 +389,6 @@ TAKEN: Final = ("husky", "meshes_ground")
 _AROUND: Final = 10.0
 """[m] of ground around a user's meshes."""
 _WATER_MIRROR: Final = 0.02
-_CLASSES: Final = {
-    name.replace(" ", "_").lower(): each.label
-    for each in CLASSES
-    if each.label not in {*NOT_OF_WORLDS, Label.VOID, Label.SKY}
-    for name in (each.name, each.label.name)
-}
 
 
 @dataclass(frozen=True)
@@ -383,31 +413,30 @@ class Triangles(NamedTuple):
     """Triangles of one class and colour in the world."""
 
     corners: Array  # (m, 3, 3) [m]
-    label: Label
+    kind: SemanticClass
     colour: tuple[float, float, float]
 
 
-def objects_of(meshes: Iterable[Any]) -> dict[str, list[Triangles]]:
+def objects_of(meshes: Iterable[Any], classes: ClassTable = CLASSES) -> dict[str, list[Triangles]]:
     """Return the triangles of each object by its name, in the order in which names first occur.
 
     Raises as ``World.from_meshes``.
     """
     if not isinstance(meshes, Iterable):
         raise ConfigurationError(f"meshes must be a list, got a {type(meshes).__name__}")
-    found = [each for k, item in enumerate(meshes) for each in _triangles(item, f"meshes[{k}]")]
+    found = [each for k, item in enumerate(meshes) for each in _triangles(item, f"meshes[{k}]", classes)]
     if not found:
         raise ConfigurationError("meshes must hold one mesh at least, got none")
     names = {name for name, _ in found}
     objects: dict[str, list[Triangles]] = {}
     for name, triangles in found:
-        kind = triangles.label.name.lower()
-        key = name or next(new for k in count(1) if (new := f"{kind}_{k}") not in names)
+        key = name or next(new for k in count(1) if (new := f"{triangles.kind.key}_{k}") not in names)
         names.add(key)
         objects.setdefault(key, []).append(triangles)
     return objects
 
 
-def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
+def _triangles(item: Any, where: str, classes: ClassTable) -> Iterator[tuple[str, Triangles]]:
     """Yield names, empty where a mesh has no name, and triangles of the meshes of a part."""
     part = item if isinstance(item, MeshPart) else MeshPart(item)
     colour = _numbers(part.colour, (3,), f"{where}: colour")
@@ -420,7 +449,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         here = f"{where} ({node or name})" if node or name else where
         if name in TAKEN:
             raise ConfigurationError(f"{here}: name must not be {name!r}, which the robot or the ground has")
-        label = _label(part.label, node or name, metadata.get("label", ""), here)
+        label = label_of(part.label, node or name, metadata.get("label", ""), here, classes)
         pose = outer @ _pose(inner, here)
         corners = _corners(mesh, here) @ pose[:3, :3].T + pose[:3, 3]
         if (far := float(np.abs(corners).max())) > FARTHEST:
@@ -428,7 +457,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         if np.linalg.det(pose[:3, :3]) < 0:  # a mirror turns triangles inside out
             corners = corners[:, ::-1]
         red, green, blue = colour.tolist()
-        yield name, Triangles(corners, label, (red, green, blue))
+        yield name, Triangles(corners, classes[label], (red, green, blue))
 
 
 def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
@@ -444,17 +473,19 @@ def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
         raise ConfigurationError(f"{where}: expected (vertices, faces), or a mesh or scene of trimesh, got a {kind}")
 
 
-def _label(given: Any, node: str, own: Any, where: str) -> Label:
+def label_of(given: Any, node: str, own: Any, where: str, classes: ClassTable = CLASSES) -> int:
+    """Return the class that is given for all nodes or by a pattern of their names, else the ``own`` one of a mesh."""
+    known = classes.of_objects
     if isinstance(given, Mapping):
         given = next((value for pattern, value in given.items() if fnmatchcase(node, pattern)), "")
     value = own if isinstance(given, str) and given == "" else given
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value in _CLASSES.values():
-        return Label(int(value))
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value in known.values():
+        return int(value)
     if value == "":
-        raise ConfigurationError(f"{where}: label is missing; one of {', '.join(_CLASSES)}")
-    found = _CLASSES.get(str(value).strip().lower().replace(" ", "_").replace("-", "_"))
+        raise ConfigurationError(f"{where}: label is missing; one of {', '.join(known)}")
+    found = known.get(as_key(str(value)))
     if found is None:
-        raise UnknownNameError("class", str(value), nearest_first(str(value), _CLASSES), where)
+        raise UnknownNameError("class", str(value), nearest_first(str(value), known), where)
     return found
 
 
@@ -511,11 +542,11 @@ def _plane(side: float, height: float, material: str, *, visible: bool) -> Terra
     )
 
 
-def _plain(materials: dict[str, Material], label: Label, colour: tuple[float, float, float]) -> str:
+def _plain(materials: dict[str, Material], kind: SemanticClass, colour: tuple[float, float, float]) -> str:
     """Add a material of one colour, and return its name."""
-    name = " ".join([label.name.lower(), *(f"{share:g}" for share in colour)])
-    mirror = _WATER_MIRROR if label == Label.WATER else 0.0
-    materials.setdefault(name, Material(name=name, label=label, texture="plain", tint=colour, mirror=mirror))
+    name = " ".join([kind.key, *(f"{share:g}" for share in colour)])
+    mirror = _WATER_MIRROR if kind.label == Label.WATER else 0.0
+    materials.setdefault(name, Material(name=name, label=kind.label, texture="plain", tint=colour, mirror=mirror))
     return name
 
 
@@ -531,12 +562,11 @@ def _object(
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(across, axis=1, keepdims=True)
     normals = np.where(length > 0, across / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
-    own = [_plain(materials, part.label, part.colour) for part in parts]
+    own = [_plain(materials, part.kind, part.colour) for part in parts]
     names, count = tuple(dict.fromkeys(own)), 3 * len(corners)
     mesh = make_mesh(
         name, corners, np.repeat(normals, 3, axis=0), np.zeros((count, 2)), np.arange(count), names,
         np.repeat([names.index(n) for n in own], [len(part.corners) for part in parts]),
         footprint=float(np.hypot(*(high - low)[:2])) / 2,
     )  # fmt: skip
-    kind = parts[0].label.name.lower()
-    return mesh, Instance(name=name, kind=kind, mesh=name, object_id=object_id, world_from_object=pose)
+    return mesh, Instance(name=name, kind=parts[0].kind.key, mesh=name, object_id=object_id, world_from_object=pose)

@@ -13,14 +13,14 @@ from math import hypot
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.grids import BUILT_IN, Line, Trail
-from fieldtruth.world.model import Heightfield, Instance, Mesh, Swarm
+from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Swarm
 
 
 class Circles:
@@ -277,12 +277,16 @@ class WorldBuilder:
     corridors: Sequence[Line]
     """Centre lines of the strips that stay free of obstacles, ``corridor_width`` [m] wide."""
     corridor_width: float = 2.0
-    water_level: float | None = None
+    water_level: float | Raster | None = None
     meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict, init=False)
     instances: list[Instance] = dataclasses.field(default_factory=list, init=False)
     swarms: list[Swarm] = dataclasses.field(default_factory=list, init=False)
+    materials: dict[str, Material] = dataclasses.field(default_factory=dict, init=False)
+    """Materials of own objects, which are not ours by name, and their textures."""
+    textures: dict[str, NDArray[np.uint8]] = dataclasses.field(default_factory=dict, init=False)
     taken: Circles = dataclasses.field(default_factory=lambda: Circles(4.0), init=False)
-    _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
+    solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
+    """Circles (x, y, radius) [m] in which nothing of a swarm grows."""
     _counts: dict[str, int] = dataclasses.field(default_factory=dict, init=False)
 
     def trail_distance(self, xy: Array) -> Array:
@@ -340,7 +344,7 @@ class WorldBuilder:
             x, y = (world_from_object @ [*collider.position, 1.0])[:2]
             length, width = collider.size[:2]
             half = length if collider.shape == "cylinder" else np.hypot(length, width) / 2
-            self._solids.append((float(x), float(y), float(half) * scale))
+            self.solids.append((float(x), float(y), float(half) * scale))
         return instance
 
     def add_upright(
@@ -452,7 +456,10 @@ class WorldBuilder:
 
         Draws a jittered grid, scales, quarter turns (bounding boxes stay narrow), lean, meshes and tints.
         """
-        xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
+        self.add_swarm_at(spec, jittered_grid(np.array(self.size), spec.per_m2, rng, density), rng)
+
+    def add_swarm_at(self, spec: SwarmSpec, xy: Array, rng: np.random.Generator) -> None:
+        """Add small objects at those of positions (n, 2) that are clear; draws as ``scatter_swarm`` after the grid."""
         xy = xy[self.off_solids(xy, spec.clear)]
         beside = max(spec.clear, spec.aside)
         for line in self.corridors if beside > 0 else ():
@@ -469,8 +476,8 @@ class WorldBuilder:
     def off_solids(self, xy: Array, clear: float) -> Mask:
         """Mask of the positions (n, 2) that are at least ``clear`` [m] from all colliders."""
         off = np.ones(len(xy), np.bool_)
-        if len(xy) and self._solids:
-            solids = np.array(self._solids)
+        if len(xy) and self.solids:
+            solids = np.array(self.solids)
             inside = cKDTree(xy).query_ball_point(solids[:, :2], solids[:, 2] + clear)
             off[np.concatenate([np.asarray(rows, np.intp) for rows in inside])] = False
         return off

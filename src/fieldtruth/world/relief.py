@@ -292,9 +292,9 @@ EDGE: Final = 0.12
 
 def with_layer(terrain: Terrain, rng: np.random.Generator) -> Terrain:
     """Add the layers that belong to a terrain's cover and to its trails."""
-    names = (*terrain.ground_materials, terrain.trail_material)
+    names = (*terrain.ground_materials, terrain.trail_material or terrain.ground_materials[0])
     layers = [GROUND_TYPES[MATERIALS[name].ground_type].layer for name in names]
-    distance = terrain.trail_distance.at(*np.meshgrid(*node_axes(terrain.field), indexing="ij", sparse=True))
+    distance = terrain.other_ground.at(*np.meshgrid(*node_axes(terrain.field), indexing="ij", sparse=True))
     outside = np.clip(distance / EDGE, 0.0, 1.0)
     inside = np.clip(-(distance + terrain.border_width) / EDGE, 0.0, 1.0)
     height = np.zeros(terrain.field.heights.shape)

@@ -190,7 +190,9 @@ def _waypoints(run: Run) -> tuple[Array, float]:
     """Start and waypoints (1 + n, 2) [m], and the arrival distance [m]; no rows if they are not known."""
     if run.experiment is not None:
         try:
-            return metres_from_route(run.experiment.route), run.experiment.control.arrival_distance
+            return metres_from_route(
+                run.experiment.route, run.experiment.origin
+            ), run.experiment.control.arrival_distance
         except RouteError:  # a random route is found in the world; its path shows it
             pass
     return np.zeros((0, 2)), 0.0

@@ -39,7 +39,7 @@ class Gnss(Checker):
         self.tallies = [self._tally]
         antennas = context.rig.enabled(GnssConfig)
         self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
-        self._origin = context.origin
+        self._context = context
         self.topics = tuple(self._antennas)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -53,7 +53,7 @@ class Gnss(Checker):
     def _compare(self, raw: RawMessage, fix: Array) -> None:
         antenna = transforms.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
         valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
-        position = geodesy.world_from_geodetic(fix, self._origin) if valid else fix * np.nan
+        position = geodesy.world_from_geodetic(fix, self._context.origin) if valid else fix * np.nan
         self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
 
 
@@ -61,7 +61,7 @@ class Fixes(Checker):
     """Every receiver with a signal."""
 
     def __init__(self, context: Context) -> None:
-        self._motion, self._tally, self._origin = context.motion, context.tally(FIXES), context.origin
+        self._motion, self._tally, self._context = context.motion, context.tally(FIXES), context
         self.tallies = [self._tally]
         self._exact, self._antennas, self._squares = dict[str, bool](), dict[str, Array](), dict[str, list[float]]()
         for config in context.rig.enabled(GnssConfig):
@@ -91,7 +91,7 @@ class Fixes(Checker):
 
     def _compare(self, raw: RawMessage, fix: Array, covariance: Array) -> None:
         antenna = transforms.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
-        north, west, up = geodesy.world_from_geodetic(fix, self._origin) - antenna
+        north, west, up = geodesy.world_from_geodetic(fix, self._context.origin) - antenna
         error = np.array([-west, north, up])
         if self._exact[raw.topic]:
             covariance = np.eye(3) * 1e-12

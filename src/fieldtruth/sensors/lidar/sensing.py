@@ -194,6 +194,8 @@ def _table() -> dict[str, dict[str, Reflectance]]:
 
 def reflectance_of(material: Material) -> Reflectance:
     """Reflectance of a material: its own; else of its ground type, of its texture, of its class."""
+    if material.reflectance is not None:
+        return Reflectance(material.reflectance)
     table = _table()
     found = (
         table["materials"].get(material.name),
@@ -224,13 +226,15 @@ def surface_table(scene: Scene) -> SurfaceTable:
     faces = [np.array([rows[n] for n in mesh.materials], np.uint16)[mesh.material] for mesh in scene.meshes]
     rotation = np.array([top.world_from_object[:3, :3] for top in scene.top_levels])
     terrain, on_trail = world.terrain, snow_on_trails(world.terrain)
+    trails = [reflectance_of(world.materials[name]).value for name in terrain.trail_materials]
+    trail, border = (below_snow(value, on_trail) for value in trails) if trails else (-1.0, -1.0)
     return SurfaceTable(
         face_material=np.concatenate([*faces, np.zeros(0, np.uint16)]),
         material=np.array([reflectance_of(material) for material in world.materials.values()], np.float32),
         top_rotation=(rotation / np.linalg.norm(rotation[:, :, :1], axis=1, keepdims=True)).astype(np.float32),
         ground=_ground(world),
-        trail=below_snow(reflectance_of(world.materials[terrain.trail_material]).value, on_trail),
-        border=below_snow(reflectance_of(world.materials[terrain.border_material]).value, on_trail),
+        trail=trail,
+        border=border,
         border_width=terrain.border_width,
     )
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environments by name. This table imports nothing heavy, so that listing them is fast.
 
-An environment is a package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and
-``CORRIDORS``, the lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the
-function ``build``).
+An environment is one file of layers in ``data/environments``, of which the package ``layered`` makes worlds, or a
+package of two modules with fixed names: ``config`` (its layout, a pydantic model ``Config``, and ``CORRIDORS``, the
+lines that stay free of obstacles; those of the package are in their data files) and ``build`` (the function ``build``).
 Entry points of the group ``fieldtruth.environments`` name such packages, folders ``environments`` of FIELDTRUTH_PATH
 contain them.
 """
@@ -16,8 +16,10 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
+from fieldtruth.experiment.environment_file import SITE
 
 
 class Environment(NamedTuple):
@@ -58,11 +60,27 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-            ("site", "a place of your own: ground, trees, paths and surfaces from maps"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
     },
 )
+
+FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surfaces from maps", f"{__name__}.{SITE}")}
+"""Environments without an entry, because each world of theirs is named by its file."""
+
+
+def find_environment(name: str, source: str = "") -> Environment:
+    """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
+    return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
+
+
+WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper, which have neither buildings nor fences."""
+
+
+def classes_of(environment: str) -> ClassTable:
+    """Return the classes that a world of an environment may have."""
+    return CLASSES.without(*OF_MAPS) if environment in WITHOUT_MAPS else CLASSES
 
 
 def list_environments() -> dict[str, str]:

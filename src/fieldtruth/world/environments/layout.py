@@ -23,6 +23,7 @@ from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
 from fieldtruth.world.model import Mesh
+from fieldtruth.world.objects.config import ObjectConfig
 from fieldtruth.world.placement import SwarmForm, SwarmSpec
 from fieldtruth.world.plants.deadwood import grow_snag
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
@@ -82,13 +83,21 @@ class PlantGroup:
 class Planting:
     """Groups of plants and rocks, and swarms, of an environment by name, and the corners [m] of its corridors."""
 
-    groups: Mapping[str, PlantGroup]
-    swarms: Mapping[str, SwarmForm]
+    groups: Mapping[str, PlantGroup] = field(default_factory=dict)
+    swarms: Mapping[str, SwarmForm] = field(default_factory=dict)
     corridors: tuple[tuple[tuple[float, float], ...], ...] = ()
 
 
+LAYERED: Final = (
+    "description", "sources", "size", "season", "fields", "lines", "trails", "trail_width", "trail", "relief", "water",
+    "puddles", "ground", "objects", "plants", "litter_amount", "beyond",
+)  # fmt: skip
+"""Keys of the files of environments of layers, beside those of ``Planting``."""
+
+
 def _planting(name: str, content: Entry, path: Path) -> Planting:
-    planting = validated(Planting, content, str(path))
+    own = {key: value for key, value in content.items() if key not in LAYERED} if "ground" in content else content
+    planting = validated(Planting, own, str(path))
     for key, group in planting.groups.items():
         known = list(_LIBRARIES[group.form])  # names: no species is read
         for unknown in (each for each in (*group.species, *group.mixed) if each not in known):
@@ -208,6 +217,9 @@ class GroundConfig(Frozen):
     environment: ClassVar[str] = ""
     """Name of the data file of its plants; empty without one."""
 
+    counted_in: ClassVar[tuple[float, float]] = BUILT_IN
+    """Length and width [m] of the world for which the default counts are."""
+
     size: Size = BUILT_IN  # [m] along x (north) and y (west)
     grid: Spacing = 0.05  # [m] between the terrain's nodes
     roughness: Mapping[str, str] = Field(default={}, description="classes A to H of ISO 8608 by ground type")
@@ -216,6 +228,7 @@ class GroundConfig(Frozen):
     snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
     plants: Mapping[str, tuple[str, ...]] = Field(default={}, description="lists of species by group of plants")
     litter: Annotated[Number, Field(ge=0, le=4)] = 1.0  # amount of leaves, twigs, stones, short grass on the ground
+    objects: tuple[ObjectConfig, ...] = Field(default=(), description="a list of objects from files")
 
     @field_validator("roughness")
     @classmethod
@@ -226,6 +239,15 @@ class GroundConfig(Frozen):
             if letter not in ISO_CLASSES:
                 raise ValueError(f"{name} must be one of the classes {', '.join(ISO_CLASSES)}, got {letter!r}")
         return classes
+
+    @field_validator("objects")
+    @classmethod
+    def _different_names(cls, objects: tuple[ObjectConfig, ...]) -> tuple[ObjectConfig, ...]:
+        titles = [each.title for each in objects]
+        for k, title in enumerate(titles):
+            if title in titles[:k]:
+                raise ValueError(f"two have the name {title!r}; give one of them a name of its own")
+        return objects
 
     @field_validator("plants")
     @classmethod
@@ -242,7 +264,7 @@ class GroundConfig(Frozen):
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:
-        most = int(MOST * max(1.0, self._larger()))
+        most = int(MOST * max(1.0, self._larger(BUILT_IN)))
         for name in self._counts():
             if getattr(self, name) > most:
                 raise ValueError(f"{name} must be at most {most} in a world of this size, got {getattr(self, name)}")
@@ -255,17 +277,17 @@ class GroundConfig(Frozen):
 
     def for_size(self) -> Self:
         """The layout with counts, grid and trails that suit its size, where they are not given."""
-        longer = self.size[0] / BUILT_IN[0]
+        longer = self.size[0] / self.counted_in[0]
         changes: dict[str, Any] = {"grid": self.spacing}
         for name, by in self._counts().items():
-            changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger()))
+            changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger(self.counted_in)))
         if lines := getattr(self, "trails", ()):
             changes["trails"] = network(lines, self.size)
         return self.model_copy(update={k: v for k, v in changes.items() if k not in self.model_fields_set})
 
-    def _larger(self) -> float:
-        """Area relative to that of the built-in worlds."""
-        return self.size[0] * self.size[1] / (BUILT_IN[0] * BUILT_IN[1])
+    def _larger(self, than: tuple[float, float]) -> float:
+        """Area relative to that of a world of another size [m]."""
+        return self.size[0] * self.size[1] / (than[0] * than[1])
 
     @classmethod
     def _counts(cls) -> dict[str, str]:

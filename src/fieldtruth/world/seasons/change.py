@@ -74,7 +74,7 @@ def snowed_in(world: World, depth: float) -> World:
     fallen = depth * drift * holds * _open_share(world, x, y)
     filled = fallen + np.clip(level - heights, -fallen, fallen)
     if world.water_level is not None:
-        filled *= heights > world.water_level + SHORE
+        filled *= heights > world.water_at(x[:, None], y) + SHORE
     snow = np.clip(filled, 0, 2 * depth).astype(np.float16).astype(np.float32)
     layer = snow if terrain.layer is None else np.maximum(terrain.layer, snow)
     terrain = replace(terrain, layer=layer, snow=snow)

@@ -216,7 +216,9 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         wood |= summer.material == summer.materials.index(species.upper_wood)
     blades = summer.vertices[summer.faces[first]]
     length = float(np.median(np.linalg.norm(blades[:, :1] - blades, axis=2).max(axis=1)))
-    twigs = hidden_twigs(summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs)
+    twigs = hidden_twigs(
+        summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs
+    )
     grown = make_mesh("twigs", *twigs, (twigs_of(species),))
     return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
 
@@ -358,7 +360,7 @@ def _positions(world: World, density: Raster, most: float, rng: np.random.Genera
     xy = np.stack([density.x0 + CELL * i, density.y0 + CELL * j], axis=1) + CELL * rng.random((len(i), 2))
     inside = (np.abs(xy) < np.array(world.size) / 2 - 0.1).all(axis=1)
     if world.water_level is not None:
-        inside &= world.terrain.field.height_at(*xy.T) > world.water_level + 0.03
+        inside &= world.terrain.field.height_at(*xy.T) > world.water_at(*xy.T) + 0.03
     return xy[inside]
 
 

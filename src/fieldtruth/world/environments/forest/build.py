@@ -15,7 +15,7 @@ groups where some light falls, thousands to the hectare; dwarf shrubs, ferns and
 needles and leaves the rest. Beyond the world's edge are some rows of trees, and behind them the canopy over the hills.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -43,6 +43,7 @@ from fieldtruth.world.grids import (
     signed_distance,
 )
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     Density,
     FarSwarm,
@@ -63,6 +64,7 @@ from fieldtruth.world.relief import (
     with_microrelief,
 )
 from fieldtruth.world.rocks import scatter_rocks
+from fieldtruth.world.stand import Stand
 
 UPROOTED: Final = 0.006
 """Density [1/m^2] of pits and mounds."""
@@ -273,83 +275,6 @@ def _lying_pose(candidate: Array, along: Array, ground: Array) -> Array:
     return pose
 
 
-CELL: Final = 0.5  # [m]
-EXTINCTION: Final = 0.5
-"""Of leaves in all directions: light below is exp(-0.5 leaf area index) (Monsi and Saeki 1953, from memory)."""
-LIGHT_BEYOND: Final = 0.3
-"""Light that is left beyond the world's edge, where other trees stand."""
-CHOICES: Final = 12
-"""Free positions among which a tree has the best; more would make rows."""
-ROUNDS: Final = 60
-"""Sets of random positions that are drawn for a tree before the stand is full."""
-
-
-class Stand:
-    """The light that is left for further trees, from above, on a grid."""
-
-    def __init__(self, builder: WorldBuilder) -> None:
-        self._builder = builder
-        self._inside = np.ceil(np.array(builder.size) / CELL).astype(int)
-        self._margin = 24  # cells: half of the widest crown
-        self._light = np.full(self._inside + 2 * self._margin, LIGHT_BEYOND)
-        self._light[self._margin : -self._margin, self._margin : -self._margin] = 1.0
-
-    def plant(self, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask]) -> None:
-        """Add the trees of a group, in steps of 90 deg: the bounding box of a tall tree, which each passing ray enters,
-        stays as narrow as the tree (7 to 11 % of the time for an image of a dense forest).
-
-        Raises:
-            CrowdedWorldError: too few positions are free.
-        """
-        turned = {mesh.name: _turned(_shade(mesh, self._margin)) for mesh in group.meshes}
-        placed = []
-        for number in range(group.count):
-            mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
-            free = self._free(mesh.footprint * scale, rng, allowed)
-            if not len(free):
-                break
-            shades = turned[mesh.name]
-            gains = np.stack([(self._window(xy) * shades).reshape(4, -1).sum(axis=1) for xy in free])
-            best, turn = np.unravel_index(int(gains.argmax()), gains.shape)
-            self._window(free[best])[...] *= 1.0 - shades[turn]
-            tint = random_tint(rng, group.tint)
-            pose = {"yaw": float(turn) * np.pi / 2, "scale": scale}
-            placed.append(self._builder.add_upright(group.kind, mesh, free[best], **pose, tint=tint))
-        group.check_complete(placed)
-
-    def _free(self, radius: float, rng: np.random.Generator, allowed: Callable[[Array], Mask]) -> Array:
-        """Up to ``CHOICES`` free positions (n, 2)."""
-        found: list[Array] = []
-        for _ in range(ROUNDS):
-            darts = self._builder.random_positions(2 * CHOICES, rng)
-            for xy in darts[allowed(darts)]:
-                if self._builder.is_free(xy, radius):
-                    found.append(xy)
-                    if len(found) == CHOICES:
-                        return np.array(found)
-        return np.array(found).reshape(-1, 2)
-
-    def _window(self, xy: Array) -> Array:
-        """The light about a position, as wide as the shade of a crown."""
-        i, j = np.rint((xy + np.array(self._builder.size) / 2) / CELL).astype(int)
-        return self._light[i : i + 2 * self._margin, j : j + 2 * self._margin]
-
-
-def _turned(shade: Array) -> Array:
-    """The shade in the four steps of 90 deg (4, 2 half, 2 half)."""
-    return np.stack([np.rot90(shade, k) for k in range(4)])
-
-
-def _shade(mesh: Mesh, half: int) -> Array:
-    """Share of the light from above that the mesh takes (2 half, 2 half) in the cells about its foot."""
-    corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    edges = CELL * np.arange(-half, half + 1)
-    middle = corner[..., :2].mean(axis=1)
-    index, _, _ = np.histogram2d(middle[:, 0], middle[:, 1], bins=[edges, edges], weights=area / CELL**2)
-    return np.asarray(1.0 - np.exp(-EXTINCTION * index))
-
-
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
     """Plant old trees, then younger ones between them, each where some light is left, none on a trail."""
     stand = Stand(builder)
@@ -521,6 +446,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
     trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
+    stand_objects(builder, config.objects)
     place_deadwood(builder, config, dead)
     plant_trees(builder, config, growth, trees)
     raise_roots(builder, roots)
@@ -546,4 +472,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
         backdrop=backdrop,
         beyond=far,
         litter=config.litter,
+        objects=config.objects,
     )

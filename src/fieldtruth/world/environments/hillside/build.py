@@ -35,6 +35,7 @@ from fieldtruth.world.grids import (
     solid_noise,
 )
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World, node_axes
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import Density, FarSwarm, ObjectGroup, WorldBuilder, tilted, upright_pose
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit, with_layer, with_microrelief
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
@@ -391,6 +392,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[8].spawn(2))
     ground, land = make_ground(config, corridors, (relief, cover, microrelief))
     builder = WorldBuilder(ground.field, config.size, (), corridors, corridor_width=2.6)
+    stand_objects(builder, config.objects)
     place_rocks(builder, ground, config, rocks)
     plant_trees(builder, ground, config, plants)
     plant_bushes(builder, ground, config, plants)
@@ -409,4 +411,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
         backdrop=backdrop,
         beyond=far,
         litter=config.litter,
+        objects=config.objects,
     )

@@ -37,6 +37,7 @@ from fieldtruth.world.grids import (
 )
 from fieldtruth.world.materials import Roughness
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     CrowdedWorldError,
     Density,
@@ -502,6 +503,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
     shore = make_shore(config, corridors, shape, microrelief)
     builder = WorldBuilder(shore.field, config.size, (), corridors)
+    stand_objects(builder, config.objects)
     basin = basin_heights(config, land)
     backdrop = make_lake_backdrop(builder, basin, config.water_level, land)
     _add_water(builder, config.water_level)
@@ -512,7 +514,15 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     terrain = with_layer(cover_ground(builder, shore, cover), layer)
     far = [*line.beyond, *scatter_far_plants(builder, config, backdrop, basin, line, land)]
     return assemble(
-        builder, terrain, name="lake", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=far, litter=config.litter
+        builder,
+        terrain,
+        name="lake",
+        seed=seed,
+        textures=seeds[8],
+        backdrop=backdrop,
+        beyond=far,
+        litter=config.litter,
+        objects=config.objects,
     )
 
 

@@ -35,6 +35,7 @@ from fieldtruth.world.grids import (
     signed_distance,
 )
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Terrain, World, make_mesh
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     CrowdedWorldError,
     Density,
@@ -455,6 +456,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
     trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
+    stand_objects(builder, config.objects)
     furnish(builder, config, furniture)
     plant_trees(builder, config, trees, plants)
     beds = lay_beds(builder, config, bushes)
@@ -463,5 +465,13 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     terrain = with_layer(cover_ground(builder, beds, config.border_width, cover), layer)
     backdrop, far = make_surroundings(builder, terrain, config, land)
     return assemble(
-        builder, terrain, name="park", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=far, litter=config.litter
+        builder,
+        terrain,
+        name="park",
+        seed=seed,
+        textures=seeds[8],
+        backdrop=backdrop,
+        beyond=far,
+        litter=config.litter,
+        objects=config.objects,
     )

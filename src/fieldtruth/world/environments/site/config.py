@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.core.geodesy import Origin
-from fieldtruth.experiment.fields import Boolean, Frozen, Number, Positive
+from fieldtruth.experiment.fields import Boolean, Frozen, Name, Number, Positive
 from fieldtruth.world.environments.layout import Density, GroundConfig, Individuals, Share
 from fieldtruth.world.plants import TREES
 
@@ -43,16 +43,29 @@ class TreesFile(MapFile):
     columns: Mapping[str, str] = Field(default={}, description="names of columns of the file by x, y, height, ...")
 
 
+class LandCoverFile(MapFile):
+    """Raster of classes; their numbers by the use of the land. Others say nothing."""
+
+    classes: Annotated[
+        Mapping[int, Literal["lawn", "meadow", "forest_floor", "soil", "grass", "farmland", "heath", "scrub", "wood",
+                             "orchard", "sand", "bare_rock", "scree", "wetland"]],
+        Field(description="uses of the land, such as meadow or wood, by the raster's numbers"),
+    ]  # fmt: skip
+
+
 class Config(GroundConfig):
     """Layout of a site."""
 
     environment = "site"
     grounds = ("lawn", "meadow", "forest_floor", "earth", "gravel", "trodden_earth")
 
+    name: Name = "site"  # of the world
     centre: Annotated[tuple[Latitude, Longitude], Field(description="[latitude, longitude], in degrees")]
     elevation: ElevationFile | None = None
     trees: TreesFile | None = None
     map: MapFile | None = None  # OpenStreetMap
+    land_cover: LandCoverFile | None = None
+    photo: MapFile | None = None  # from above, of the ground's colour
     species: Mapping[str, Share] = Field(
         default={"beech": 0.4, "spruce": 0.3, "oak": 0.15, "birch": 0.15},
         description="shares by species, each from 0 up to 1",

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from matplotlib.path import Path as Outline
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.maps.canopy import read_canopy, read_canopy_points
 from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
@@ -68,6 +68,7 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
     """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
     trees = _read_trees(config, origin)
     trees += [_mapped(each) for each in features if each.kind == "tree"]
+    trees += [_planted(each, xy) for each in features for xy in _rows(each)]
     at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
     for wood in features:
         if wood.kind == "wood" and wood.closed and not inside(wood, at).any():
@@ -94,6 +95,46 @@ def _read_trees(config: Config, origin: Origin) -> list[Tree]:
     return list(find_trees(read_canopy(file.path, origin, config.size, crs=file.crs)))
 
 
+ROW: Final = 8.0
+"""Distance [m] between the trees of a row."""
+ORCHARD, FRUIT = 4.5, (3.2, 4.6)
+"""Distance [m] between the trees of an orchard, and their heights."""
+
+
+def _rows(feature: Feature) -> Array:
+    """Positions (n, 2) [m] of the trees of a row or an orchard; none of others."""
+    if feature.kind == "tree_row" and not feature.closed:
+        return along(feature.geometry, ROW)
+    return filled(feature, ORCHARD) if feature.kind == "orchard" and feature.closed else np.zeros((0, 2))
+
+
+def _planted(feature: Feature, xy: Array) -> Tree:
+    x, y = xy.tolist()
+    if feature.kind == "tree_row":
+        return Tree(x, y, feature.height, None, None, feature.tags.get("species") or feature.tags.get("leaf_type"))
+    low, high = FRUIT
+    share = (round(97.0 * x) ^ round(89.0 * y)) % 101 / 100.0
+    return Tree(x, y, low + share * (high - low), None, None, "apple" if "apple" in TREES else "oak")
+
+
+def along(line: Array, apart: float) -> Array:
+    """Points (n, 2) along a polyline, ``apart`` [m] from one to the next."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    steps = np.arange(apart / 2.0, length[-1], apart)
+    return np.stack([np.interp(steps, length, line[:, k]) for k in range(2)], axis=-1)
+
+
+def filled(area: Feature, apart: float) -> Array:
+    """Points (n, 2) of a square lattice in an area, with rows along its longest side."""
+    sides = np.roll(area.geometry, -1, axis=0) - area.geometry
+    dx, dy = sides[np.argmax(np.hypot(*sides.T))]
+    turn = np.array([[dx, dy], [-dy, dx]]) / np.hypot(dx, dy)
+    own = area.geometry @ turn.T
+    steps = [np.arange(own[:, k].min() + apart / 2.0, own[:, k].max(), apart) for k in (0, 1)]
+    lattice = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 2) @ turn
+    return np.asarray(lattice[inside(area, lattice)])
+
+
 def _mapped(feature: Feature) -> Tree:
     x, y = feature.geometry[0].tolist()
     tags = feature.tags
@@ -106,7 +147,7 @@ def species_of(text: str | None) -> str | None:
     return next((GENERA.get(word, word) for word in words if word in GENERA or word in TREES), None)
 
 
-def inside(feature: Feature, points: Array) -> Array:
+def inside(feature: Feature, points: Array) -> Mask:
     """Mask (n,) of the points (n, 2) [m] that are in an area, and not in its holes."""
     found = Outline(feature.geometry).contains_points(points)
     for hole in feature.holes:
@@ -123,7 +164,7 @@ def _strewn(wood: Feature, config: Config, rng: np.random.Generator) -> list[tup
     return [(x, y) for x, y in xy[inside(wood, xy)].tolist()]
 
 
-def area_mask(features: Sequence[Feature], nodes: Axes) -> Array:
+def area_mask(features: Sequence[Feature], nodes: Axes) -> Mask:
     """Mask (nx, ny) of the nodes in some of the areas."""
     x, y = nodes
     mask = np.zeros((len(x), len(y)), np.bool_)

@@ -1,0 +1,203 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
+from fieldtruth.world.assembly import assemble
+from fieldtruth.world.backdrop import height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
+from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.placing import place_objects, scatter_plants, specified
+from fieldtruth.world.environments.layered.puddles import Wet, add_sheets, dig_puddles
+from fieldtruth.world.environments.layout import hills_spacing, network
+from fieldtruth.world.grids import (
+    COVER,
+    Line,
+    coarseness,
+    fractal_noise,
+    grid_axes,
+    make_heightfield,
+    make_raster,
+    make_trails,
+)
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.objects.place import stand_objects
+from fieldtruth.world.placement import FarSwarm, WorldBuilder
+from fieldtruth.world.relief import Axes, with_layer, with_microrelief
+
+CANOPY: Final = 0.8
+"""Distance [m] over which a crown's share of the ground fades at its rim."""
+BEYOND: Final = 60.0
+"""Distance [m] to which water goes on beyond the edge."""
+WATER_TILE: Final = 30.0
+"""Length [m] of water that its texture covers."""
+
+
+def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
+    """Build an environment of layers. The same file, seed and layout give the same world.
+
+    Raises:
+        CrowdedWorldError: the layout has more objects than fit into the world.
+    """
+    description = DESCRIPTIONS[config.environment]
+    fields = _fields(description, seed, corridors, config)
+    fields.height = shape(fields)
+    wet = Wet(fields.height, None, [])
+    if description.water is not None:
+        fields.water = description.water.level
+    if description.puddles is not None:
+        wet = dig_puddles(fields, description.puddles, fields.height, rng_of(seed, "puddles"))
+        fields.height, fields.water = wet.heights, wet.level
+    builder = make_ground(fields, config)
+    stand_objects(builder, config.objects)
+    if description.water is not None:
+        add_water(builder, description.water.level)
+    elif wet.sheets:
+        add_sheets(builder, wet)
+    place_objects(builder, fields, config)
+    fields.crown = crowns(builder, fields.nodes)
+    terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))
+    scatter_plants(builder, fields, config)
+    land = rng_of(seed, "beyond")
+    hills = rolling_hills(config.size, land, height=description.beyond.hills)
+    backdrop = make_backdrop(builder.field, config.size, description.beyond.material, land, land=hills)
+    return assemble(
+        builder,
+        terrain,
+        name=config.environment,
+        seed=seed,
+        textures=np.random.SeedSequence(seed).spawn(1)[0],
+        backdrop=backdrop,
+        beyond=_swarms_beyond(builder, fields, config, backdrop),
+        litter=config.litter,
+        objects=config.objects,
+    )
+
+
+def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
+    trails = make_trails(config.trails, config.trail_width) if description.trails else []
+    lines = {
+        name: Line.joined([Line.through(corners) for corners in network(corners_of, config.size)])
+        for name, corners_of in description.lines.items()
+    }
+    nodes = grid_axes(config.size, hills_spacing(config.size))
+    return Fields(description, seed, config.size, nodes, trails, corridors, lines)
+
+
+def shape(fields: Fields) -> Array:
+    """Sum of the relief's layers [m] at the nodes, each of which knows those before it."""
+    height = np.zeros([len(axis) for axis in fields.nodes])
+    for name, rule in fields.description.relief.items():
+        fields.height = height
+        height = height + fields.on(rule, fields.nodes, noise=f"relief.{name}")
+    return height
+
+
+def painted(fields: Fields, axes: Axes) -> dict[str, Array]:
+    """Share (nx, ny) of each material of the ground: each covers what is below it; the first one is everywhere."""
+    shares: dict[str, Array] = {}
+    for name, rule in fields.description.ground.items():
+        opacity = np.clip(fields.on(rule, axes), 0.0, 1.0) if shares else np.ones([len(axis) for axis in axes])
+        shares = {other: share * (1.0 - opacity) for other, share in shares.items()}
+        shares[name] = opacity
+    return shares
+
+
+def make_ground(fields: Fields, config: Any) -> WorldBuilder:
+    """Terrain of the relief with the microrelief of what covers it, in an empty world."""
+    grounds: dict[str, Array] = {}
+    on_trail = np.clip(0.5 - _trail_distance(fields, fields.nodes) / 0.2, 0.0, 1.0)
+    shares = {name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes).items()}
+    for name, share in (*shares.items(), (fields.description.trail.material, on_trail)):
+        ground = MATERIALS[name].ground_type
+        if ground:
+            grounds[ground] = grounds.get(ground, 0.0) + share
+    cover = [(config.roughness_of(ground), share) for ground, share in grounds.items()]
+    fine = grid_axes(config.size, config.grid)
+    assert fields.height is not None
+    heights = with_microrelief(fields.height, fields.nodes, fine, cover, rng_of(fields.seed, "microrelief"))
+    field = make_heightfield(heights, config.grid, *fine)
+    return WorldBuilder(field, config.size, fields.trails, fields.corridors)
+
+
+def _trail_distance(fields: Fields, axes: Axes) -> Array:
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    distances = [trail.line.distance(nodes) - trail.width / 2 for trail in fields.trails]
+    nearest = np.min(distances, axis=0) if distances else np.full(len(nodes), 1e3)
+    return np.asarray(nearest.reshape(len(axes[0]), len(axes[1])))
+
+
+def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
+    """Terrain with its materials; edges of trails are ragged."""
+    axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
+    shares, trail = painted(fields, axes), fields.description.trail
+    ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
+    return Terrain(
+        field=builder.field,
+        trail_distance=make_raster(_trail_distance(fields, axes) + 0.1 * ragged, cell, *axes),
+        cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
+        ground_materials=tuple(shares),
+        trail_material=trail.material,
+        border_material=trail.border,
+        border_width=trail.border_width,
+    )
+
+
+def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
+    """Share to which nodes are below crowns of trees and bushes."""
+    x, y = axes
+    clear, radii = np.ones((len(x), len(y))), {name: _crown(mesh) for name, mesh in builder.meshes.items()}
+    for instance in builder.instances:
+        pose = instance.world_from_object
+        radius = radii[instance.mesh] * float(np.linalg.norm(pose[:3, 0]))
+        if radius > 0:
+            reach = radius + CANOPY
+            (ox, oy), (i, j) = pose[:2, 3], _within(axes, pose[:2, 3], reach)
+            away = np.hypot(x[i, None] - ox, y[j] - oy)
+            clear[i, j] *= np.clip((away - radius) / CANOPY, 0.0, 1.0)
+    spacing = float(x[1] - x[0])
+    return make_raster(gaussian_filter(1.0 - clear, 0.3 / spacing), spacing, x, y)
+
+
+def _crown(mesh: Mesh) -> float:
+    """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
+    leafy = [k for k, name in enumerate(mesh.materials) if MATERIALS[name].label in (Label.TREETOP, Label.BUSH)]
+    faces = mesh.faces[np.isin(mesh.material, leafy)]
+    return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0
+
+
+def _within(axes: Axes, at: Array, reach: float) -> tuple[slice, slice]:
+    i, j = (slice(*np.searchsorted(axis, (c - reach, c + reach))) for axis, c in zip(axes, at, strict=True))
+    return i, j
+
+
+def add_water(builder: WorldBuilder, level: float) -> None:
+    """Add one flat sheet of water over the world and some way beyond; its edge is where the ground meets it."""
+    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in builder.size)
+    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((13, 13))], axis=-1).reshape(-1, 3)
+    a = (np.arange(12)[:, None] * 13 + np.arange(12)).ravel()
+    faces = np.stack([a, a + 13, a + 14, a, a + 14, a + 1], axis=-1).reshape(-1, 3)
+    up = np.tile([0, 0, 1], (len(vertices), 1))
+    sheet = make_mesh("water", vertices, up, vertices[:, :2] / WATER_TILE, faces, ("water",), footprint=0.0)
+    pose = np.eye(4)
+    pose[2, 3] = builder.water_level = level
+    builder.add("water", sheet, pose, [])
+
+
+def _swarms_beyond(builder: WorldBuilder, fields: Fields, config: Any, backdrop: Mesh) -> list[FarSwarm]:
+    ground = height_beyond(builder.field, config.size, backdrop)
+    swarms = []
+    for name, layer in fields.description.beyond.swarms.items():
+        rng = rng_of(fields.seed, f"beyond.{name}")
+        spec = specified(f"{name}_beyond", layer, config.planter.grow(layer.group, rng), layer.per_m2)
+        within, margin = layer.within, layer.margin
+        swarms.append(scatter_beyond(config.size, ground, spec, rng, within=within, margin=margin))
+    return swarms

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Values of an environment's fields and rules, on grids and at positions.
+
+A field with noise is drawn once on the grid of the relief, from a seed of its own name, and interpolated; all others
+are computed where they are asked for.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from zlib import crc32
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.environments.layered.config import Description
+from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
+from fieldtruth.world.model import Raster, water_at
+from fieldtruth.world.relief import Axes
+
+FAR = 1e3
+"""Distance [m] where there is nothing of a kind."""
+
+
+def rng_of(seed: int, name: str) -> np.random.Generator:
+    """Generator of a layer or a field: it does not depend on the others."""
+    return np.random.default_rng([seed, crc32(name.encode())])
+
+
+@dataclass
+class Fields:
+    """Fields of a world that is being built."""
+
+    description: Description
+    seed: int
+    size: tuple[float, float]
+    nodes: Axes
+    """Axes [m] of the relief's grid."""
+    trails: Sequence[Trail]
+    corridors: Sequence[Line]
+    lines: Mapping[str, Line]
+    height: Array | None = None
+    """Height [m] at the nodes."""
+    crown: Raster | None = None
+    water: float | Raster | None = None
+    """Height [m] of the water."""
+    _drawn: dict[str, Raster] = field(default_factory=dict)
+
+    def at(self, rule: Expression, xy: Array, *, noise: str = "") -> Array:
+        """Values (n,) of a rule at positions (n, 2); ``noise`` is the name whose seed its noise has, on nodes only."""
+        cache: dict[str, Array] = {}
+
+        def lookup(name: str) -> Array:
+            if name not in cache:
+                cache[name] = self._known(name, xy, lookup)
+            return cache[name]
+
+        draw = self._noise(noise) if noise else None
+        return np.broadcast_to(rule.values(lookup, draw), (len(xy),)).astype(np.float64)
+
+    def on(self, rule: Expression, axes: Axes, *, noise: str = "") -> Array:
+        """Values (nx, ny) of a rule at the nodes of axes [m]."""
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return self.at(rule, nodes, noise=noise).reshape(len(axes[0]), len(axes[1]))
+
+    def _noise(self, name: str) -> Callable[..., Array]:
+        rng = rng_of(self.seed, name)
+
+        def noise(wavelength: float, octaves: float = 3.0, gain: float = 0.5) -> Array:
+            own = {"wavelength": float(wavelength), "octaves": int(octaves), "gain": float(gain)}
+            return fractal_noise(*self.nodes, rng=rng, **own).reshape(-1)  # type: ignore[arg-type]
+
+        return noise
+
+    def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        x, y = xy.T
+        match name:
+            case "x" | "y":
+                return np.asarray(x if name == "x" else y)
+            case "edge":
+                return np.asarray(np.min(np.array(self.size) / 2 - np.abs(xy), axis=1))
+            case "trail":
+                return _least([each.line.distance(xy) - each.width / 2 for each in self.trails], len(xy))
+            case "corridor":
+                return _least([line.distance(xy) for line in self.corridors], len(xy))
+            case "height":
+                return self._raster("height", self.height).at(x, y)
+            case "slope":
+                raster, step = self._raster("height", self.height), 0.25
+                along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
+                across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
+                return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
+            case "crown":
+                return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "above_water":
+                above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
+                return np.asarray(np.minimum(above, FAR))
+        if name in self.lines:
+            return self.lines[name].distance(xy)
+        rule = self.description.fields[name]
+        if not rule.draws:
+            return np.broadcast_to(rule.values(lookup), (len(xy),))
+        if name not in self._drawn:
+            self._drawn[name] = self._raster(name, self.on(rule, self.nodes, noise=f"fields.{name}"))
+        return self._drawn[name].at(x, y)
+
+    def _raster(self, name: str, values: Array | None) -> Raster:
+        if values is None:
+            raise AssertionError(f"{name} is asked for before it is known")
+        return make_raster(values, float(self.nodes[0][1] - self.nodes[0][0]), *self.nodes)
+
+
+def _least(distances: Sequence[Array], count: int) -> Array:
+    return np.asarray(np.min(distances, axis=0)) if distances else np.full(count, FAR)

@@ -1,0 +1,259 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""An environment of layers does what its file says: ground, objects and plants are where the rules have them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.build import build_world
+from fieldtruth.world.environments import ENVIRONMENTS, Environment
+from fieldtruth.world.environments.layered.config import DESCRIPTIONS
+from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layout import PLANTINGS
+from fieldtruth.world.model import Instance, World
+
+FIELDS = {
+    "x": np.array([-3.0, 0.0, 2.0, 7.0]),
+    "y": np.array([1.0, 4.0, -2.0, 0.5]),
+    "a": np.array([0.2, 0.9, 0.4, 0.7]),
+}
+X, Y, A = FIELDS.values()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 + 2 * 3 - 4 / 8", np.full(4, 6.5)),
+        ("-x ** 2 % 5", -(X**2) % 5),
+        ("0 < x <= 2", (X > 0) & (X <= 2)),
+        ("a > 0.3 and x < 5", (A > 0.3) & (X < 5)),
+        ("a and 0.5", np.minimum(A, 0.5)),
+        ("a or 0.5", np.maximum(A, 0.5)),
+        ("not a", 1 - A),
+        (
+            "clip(x, -1, 1) + min(x, y, 0) + max(x, y)",
+            X.clip(-1, 1) + np.minimum(np.minimum(X, Y), 0) + np.maximum(X, Y),
+        ),
+        ("smooth(a, 0, 1)", 3 * A**2 - 2 * A**3),
+        ("smooth(a, 1, 0)", 1 - (3 * A**2 - 2 * A**3)),
+        ("hypot(x, y)", np.hypot(X, Y)),
+        ("rows(4)", [1.0, 0.0, 2.0, 0.5]),
+        ("rows(4, 90)", [1.0, 0.0, 2.0, 1.0]),
+        ("rows(4, 0, 1)", [0.0, 1.0, 1.0, 0.5]),
+    ],
+)
+def test_an_expression_has_the_values_of_arithmetic(text: str, expected: object) -> None:
+    found = Expression(text).values(FIELDS.__getitem__)
+    np.testing.assert_allclose(np.broadcast_to(found, 4), np.asarray(expected, np.float64), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x +", "not an expression"),
+        ("__import__('os').remove('a')", "must be of numbers"),
+        ("x.real", "must be of numbers"),
+        ("[x]", "must be of numbers"),
+        ("'a'", "must be of numbers"),
+        ("True", "must be of numbers"),
+        ("x if a else y", "must be of numbers"),
+        ("clip(x)", "takes 3 to 3 values"),
+        ("clp(x, 0, 1)", "did you mean 'clip'"),
+        ("x == 1", "must be of numbers"),
+        ("+".join("x" * 400), "at most 600 characters"),
+        ("(" * 250 + "x" + ")" * 250, "not an expression"),
+    ],
+)
+def test_text_that_is_no_arithmetic_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Expression(text)
+
+
+TEXT = """
+description: "a plain with a ditch"
+size: [24, 16]
+fields:
+  wet: smooth(ditch, 3, 1)
+  patch: noise(6, 3)
+lines:
+  ditch: [[[-20, 4], [20, 4]]]
+relief:
+  slope: 0.05 * x
+  cut: -0.8 * smooth(ditch, 1.5, 0.5)
+water: {level: -0.4}
+ground:
+  rough_grass: 1
+  mud: wet
+  soil: 0.25
+groups:
+  tree: {form: tree, name: "tree_{species}_{k}", species: {oak: [3, 4]}, detail: 0.2}
+  stone: {form: rock, name: "stone_{species}_{k}", species: {granite: [0.3, 0.5]}, triangles: 80}
+  grass: {form: tuft, name: "{species}_{k}", species: {meadow: [0.2, 0.3]}, detail: 0.3}
+objects:
+  row_trees: {group: tree, rows: {spacing: 4, every: 3, offset: -2}, where: y < 1}
+  stones: {group: stone, kind: rock, count: 6, where: x > 4 and y < -1}
+  posts: {furniture: [lamp_post_0], along: {line: ditch, every: 5, offset: 2}, aligned: true}
+plants:
+  grass: {group: grass, kind: high_grass, per_m2: 4, where: ditch > 3 and crown < 0.5}
+litter_amount: 0
+corridors:
+  - [[-10, 1.5], [10, 1.5]]
+"""
+
+
+@contextmanager
+def environment(path: Path, text: str = TEXT) -> Iterator[str]:
+    """A file of layers as an environment, for a while."""
+    path.write_text(text)
+    try:
+        DESCRIPTIONS.add(path)
+        ENVIRONMENTS[path.stem] = Environment("", "fieldtruth.world.environments.layered")
+        yield path.stem
+    finally:
+        ENVIRONMENTS.pop(path.stem, None)
+        for library in (DESCRIPTIONS, PLANTINGS):
+            library.remove(path.stem)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    with environment(tmp_path_factory.mktemp("layers") / "plain.yaml") as name:
+        return build_world(name, 3)
+
+
+def of_kind(world: World, kind: str) -> list[Instance]:
+    return [each for each in world.instances if each.kind == kind]
+
+
+def positions(objects: list[Instance]) -> np.ndarray:
+    return np.array([each.world_from_object[:2, 3] for each in objects])
+
+
+def test_the_ground_is_the_sum_of_the_reliefs_layers(world: World) -> None:
+    """Microrelief of rough grass has 1 cm: a profile's mean over 16 m is far nearer."""
+    x = np.linspace(-11, 11, 2001)
+    for y, cut in ((-6.0, 0.0), (4.0, -0.8), (4.5, -0.8), (5.0, -0.4), (5.5, 0.0)):
+        off = world.terrain.field.height_at(x, y) - 0.05 * x
+        assert off.mean() == pytest.approx(cut, abs=0.02), y
+
+
+def test_water_stands_at_its_level(world: World) -> None:
+    [sheet] = of_kind(world, "water")
+    assert (world.water_level, sheet.world_from_object[2, 3]) == (-0.4, -0.4)
+
+
+def test_each_material_covers_what_is_below_it(world: World) -> None:
+    cover = dict(zip(world.terrain.ground_materials, np.moveaxis(world.terrain.cover.values, -1, 0), strict=True))
+    y = world.terrain.cover.y0 + world.terrain.cover.spacing * np.arange(cover["mud"].shape[1])
+    t = np.clip((3 - np.abs(y - 4)) / 2, 0, 1)
+    wet = t * t * (3 - 2 * t)
+    for name, share in (("rough_grass", 0.75 * (1 - wet)), ("mud", 0.75 * wet), ("soil", np.full(len(y), 0.25))):
+        np.testing.assert_allclose(cover[name], np.broadcast_to(share, cover[name].shape), atol=2e-3)
+
+
+def test_rows_of_objects_are_straight_and_keep_the_corridor_free(world: World) -> None:
+    xy = positions(of_kind(world, "row_trees"))
+    lattice = {(3.0 * i, 4.0 * j - 2) for i in range(-4, 5) for j in range(-3, 4)}
+    found = {(round(x, 9), round(y, 9)) for x, y in xy.tolist()}
+    assert found <= lattice
+    expected = {(x, y) for x, y in lattice if y < 1 and abs(x) < 11 and abs(y) < 7 and abs(y - 1.5) > 2}
+    assert expected <= found
+
+
+def test_objects_are_where_their_rule_allows_them(world: World) -> None:
+    stones = positions(of_kind(world, "rock"))
+    assert len(stones) == 6
+    assert (stones[:, 0] > 4).all()
+    assert (stones[:, 1] < -1).all()
+
+
+def test_objects_along_a_line_have_its_distance_and_direction(world: World) -> None:
+    posts = of_kind(world, "posts")
+    np.testing.assert_allclose(positions(posts)[:, 1], 6.0, atol=1e-9)
+    np.testing.assert_allclose(np.diff(positions(posts)[:, 0]), 5.0, atol=0.05)
+    for post in posts:
+        np.testing.assert_allclose(post.world_from_object[:2, 0], (1, 0), atol=1e-9)
+
+
+def test_plants_keep_off_the_ditch_and_the_shade(world: World) -> None:
+    [grass] = world.swarms
+    x, y = grass.world_from_object[:, :2, 3].T
+    assert (np.abs(y - 4) > 3).all()
+    trunks = positions(of_kind(world, "row_trees"))
+    assert np.hypot(x[:, None] - trunks[:, 0], y[:, None] - trunks[:, 1]).min() > 0.3
+    free = (np.abs(y - 4) > 3) & (y > -8)
+    assert free.sum() == pytest.approx(4 * 24 * (16 - 6), rel=0.35)  # but for the crowns
+
+
+def test_a_further_layer_leaves_the_others_alone(world: World, tmp_path: Path) -> None:
+    more = TEXT.replace("objects:", "objects:\n  first: {group: stone, kind: pebble, count: 2, where: y > 6}", 1)
+    with environment(tmp_path / "more.yaml", more) as name:
+        other = build_world(name, 3)
+    for kind in ("row_trees", "rock", "posts"):
+        np.testing.assert_array_equal(positions(of_kind(other, kind)), positions(of_kind(world, kind)))
+    np.testing.assert_array_equal(other.terrain.field.heights, world.terrain.field.heights)
+
+
+def test_the_layers_are_keys_of_the_layout(tmp_path: Path) -> None:
+    with environment(tmp_path / "few.yaml") as name:
+        other = build_world(name, 3, {"stones": 2, "row_trees": 0.0, "grass": 0.0, "size": [16, 12]})
+        with pytest.raises(ConfigurationError, match="layout: unknown key 'stone'; did you mean 'stones'"):
+            build_world(name, 3, {"stone": 2})
+    assert len(of_kind(other, "rock")) == 2
+    assert not of_kind(other, "row_trees")
+    assert not other.swarms
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("mud: wet", "mad: wet", "ground: unknown material 'mad'; did you mean 'mud'"),
+        ("mud: wet", "mud: wett", "ground.mud: unknown field 'wett'; did you mean 'wet'"),
+        ("slope: 0.05 * x", "slope: 0.05 * crown", "relief.slope: unknown field 'crown'"),
+        ("where: y < 1", "where: noise(3) > 0", r"objects.row_trees.where: noise\(\) is allowed in fields and relief"),
+        ("wet: smooth(ditch, 3, 1)", "wet: patch\n  patch2: wet", ""),
+        ("patch: noise(6, 3)", "patch: patch + 1", "fields.patch: follows from itself"),
+        ("group: grass", "group: gras", "plants.grass: unknown group 'gras'; did you mean 'grass'"),
+        ("line: ditch", "line: dich", "objects.posts.along: unknown line 'dich'"),
+        ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
+        ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
+    ],
+)
+def test_a_mistake_in_a_file_is_one_line(old: str, new: str, message: str, tmp_path: Path) -> None:
+    text = TEXT.replace(old, new)
+    assert text != TEXT
+    path = tmp_path / "wrong.yaml"
+    if not message:
+        with environment(path, text):
+            return
+    with pytest.raises(ConfigurationError, match=message) as report, environment(path, text):
+        pass
+    assert str(path) in str(report.value)
+    assert "\n" not in str(report.value)
+
+
+def test_puddles_are_hollows_with_water_of_their_own(tmp_path: Path) -> None:
+    text = TEXT.replace(
+        "water: {level: -0.4}", "puddles: {count: 3, where: y < -1, radius: [0.6, 0.9], depth: [0.1, 0.1]}"
+    )
+    with environment(tmp_path / "wet.yaml", text) as name:
+        world = build_world(name, 3)
+    sheets = of_kind(world, "water")
+    assert len(sheets) == 3
+    for sheet in sheets:
+        level = sheet.world_from_object[2, 3]
+        mesh = world.meshes[sheet.mesh]
+        centre, rim = mesh.vertices[0, :2].astype(float), mesh.vertices[1:, :2].astype(float)
+        assert world.materials[mesh.materials[0]].label == Label.WATER
+        assert centre[1] < -1
+        assert world.water_at(*centre) == pytest.approx(level)
+        # 10 cm deep, but for what the slope of 5 % takes; its edge is below the ground all round.
+        assert level - world.terrain.field.height_at(*centre) == pytest.approx(0.1, abs=0.06)
+        assert (world.terrain.field.height_at(*rim.T) > level).mean() > 0.9
+    assert (world.water_at(*np.array([[11.0, 7.0], [0.0, 6.0]]).T) < -100).all()
