@@ -363,7 +363,7 @@ def test_a_run_in_a_site_with_own_objects_is_valid(tmp_path: Path) -> None:
     generate(experiment, tmp_path / "out")
     checks = {check.name: check.passed for check in validate(tmp_path / "out" / "yard")}
     assert False not in checks.values()
-    assert checks["retraced clouds"] and checks["retraced images"] and checks["independent rays"]
+    assert all(checks[name] for name in ("retraced clouds", "retraced images", "independent rays", "object classes"))
     names = load_world(experiment.environment, 0, experiment.layout).object_names
     assert names[2:5] == ("barrel_1", "barrel_2", "bales_1")
     assert {"drum_1", "drum_4"} <= set(names)
