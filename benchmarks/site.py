@@ -38,6 +38,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.core.transforms import pose
+from fieldtruth.kernels.cast import Hits
 from fieldtruth.maps.canopy import Canopy, read_canopy_points
 from fieldtruth.maps.elevation import read_raster
 from fieldtruth.maps.trees import Tree, find_trees
@@ -56,6 +57,8 @@ PULSES: Final = 8.0
 """Pulses to the square metre of a scan."""
 SWATH_DEG: Final = 12.0
 """Greatest angle of a pulse from the vertical."""
+FOOTPRINT: Final = 0.3
+"""Width [m] of a pulse on the ground."""
 ABOVE: Final = 200.0
 """Height [m] from which pulses start."""
 KINDS: Final = {"Picea abies": 0.4, "Fagus sylvatica": 0.35, "Quercus robur": 0.15, "Betula pendula": 0.1}
@@ -205,7 +208,7 @@ def measure_heights(folder: Path) -> None:
 def airborne(path: Path, world: World, pulses: float, rng: np.random.Generator) -> Path:
     """Scan a world from the air, and write first returns and, where a pulse reaches it, the ground as last ones.
 
-    Pulses are rays of no width: they see gaps that a real footprint of 20 to 50 cm fills.
+    A pulse is five rays over its footprint, of which the first hit counts: rays of no width see gaps between leaves.
     """
     scene, (length, width) = Scene(world), world.size
     count = round(pulses * length * width)
@@ -214,7 +217,10 @@ def airborne(path: Path, world: World, pulses: float, rng: np.random.Generator) 
     down = np.stack([np.zeros(count), np.sin(angle), -np.cos(angle)], axis=-1)
     ground = world.terrain.field.height_at(*target.T)
     origins = np.column_stack([target, ground]) - down * (ABOVE / np.cos(angle))[:, None]
-    hits = scene.cast(origins, down)
+    around = np.concatenate([[[0.0, 0.0]], FOOTPRINT / 2.0 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])])
+    shots = [scene.cast(origins + np.append(shift, 0.0), down) for shift in around]
+    nearest = np.argmin([each.range_m for each in shots], axis=0)
+    hits = Hits(*(np.choose(nearest if v[0].ndim == 1 else nearest[:, None], v) for v in zip(*shots, strict=True)))
     first = hits.position[np.isfinite(hits.range_m)]
     bare = np.isin(hits.label, (Label.GROUND, Label.TRAIL)) & np.isfinite(hits.range_m)
     # Of pulses that a crown stops, a part goes on to the ground, which classifiers find in most scans.

@@ -6,24 +6,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from fieldtruth.core.geodesy import Origin
-from fieldtruth.maps.canopy import read_canopy, read_canopy_points
 from fieldtruth.maps.elevation import Elevation
-from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import StreetMap, read_osm
-from fieldtruth.maps.trees import Tree, find_trees
 from fieldtruth.world.build import needed_libraries
 from fieldtruth.world.environments.site.config import Config
-from fieldtruth.world.environments.site.sources import LASER, TABLES, read_elevation
-
-
-class MappedTrees(NamedTuple):
-    """Trees of a file within a site, and what is to be said of them."""
-
-    trees: list[Tree]
-    notes: tuple[str, ...]
+from fieldtruth.world.environments.site.sources import MappedTrees, read_elevation, read_trees
 
 
 class Inputs(NamedTuple):
@@ -55,23 +42,6 @@ def read_inputs(config: Config) -> Inputs:
     trees = None if config.trees is None else read_trees(config, config.place)
     streets = None if config.map is None else read_osm(config.map.path, config.place, config.size)
     return Inputs(elevation, trees, streets)
-
-
-def read_trees(config: Config, origin: Origin) -> MappedTrees:
-    """Read the trees of an inventory, or find them in a canopy; none without such a file."""
-    file = config.trees
-    if file is None:
-        return MappedTrees([], ())
-    ending = file.path.suffix.lower()
-    if ending in TABLES:
-        found = read_inventory(file.path, origin, config.size, crs=file.crs, columns=file.columns)
-        outside = (f"{found.outside} outside of the site",) if found.outside else ()
-        return MappedTrees(list(found.trees), (*outside, *found.notes))
-    read = read_canopy_points if ending in LASER else read_canopy
-    canopy = read(file.path, origin, config.size, crs=file.crs)
-    cells = f"found in a canopy model of {np.sqrt(canopy.cell_area):.2g} m cells; those below others are not seen"
-    missing = (f"{canopy.missing:,} cells without data count as bare ground",) if canopy.missing else ()
-    return MappedTrees(find_trees(canopy), (cells, *missing))
 
 
 def describe(config: Config, inputs: Inputs) -> Iterator[str]:

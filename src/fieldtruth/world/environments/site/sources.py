@@ -14,7 +14,7 @@ from fieldtruth.maps.canopy import read_canopy, read_canopy_points
 from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
 from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import Feature, read_osm
-from fieldtruth.maps.trees import Tree, find_trees
+from fieldtruth.maps.trees import Tree, fill_canopy, find_trees
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.plants import TREES
 from fieldtruth.world.relief import Axes
@@ -43,6 +43,13 @@ class Stem(NamedTuple):
     species: str
 
 
+class MappedTrees(NamedTuple):
+    """Trees of a file within a site, and what is to be said of them."""
+
+    trees: list[Tree]
+    notes: tuple[str, ...]
+
+
 def read_elevation(config: Config) -> Elevation | None:
     """Read the ground; None without an elevation model."""
     file = config.elevation
@@ -66,7 +73,7 @@ def read_features(config: Config, origin: Origin) -> list[Feature]:
 
 def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng: np.random.Generator) -> list[Stem]:
     """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
-    trees = _read_trees(config, origin)
+    trees = list(read_trees(config, origin).trees)
     trees += [_mapped(each) for each in features if each.kind == "tree"]
     trees += [_planted(each, xy) for each in features for xy in _rows(each)]
     at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
@@ -83,16 +90,25 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
     return stems
 
 
-def _read_trees(config: Config, origin: Origin) -> list[Tree]:
+def read_trees(config: Config, origin: Origin) -> MappedTrees:
+    """Read the trees of an inventory, or find them in a canopy; none without such a file."""
     file = config.trees
     if file is None:
-        return []
+        return MappedTrees([], ())
     ending = file.path.suffix.lower()
     if ending in TABLES:
-        return list(read_inventory(file.path, origin, config.size, crs=file.crs, columns=file.columns).trees)
-    if ending in LASER:
-        return list(find_trees(read_canopy_points(file.path, origin, config.size, crs=file.crs)))
-    return list(find_trees(read_canopy(file.path, origin, config.size, crs=file.crs)))
+        found = read_inventory(file.path, origin, config.size, crs=file.crs, columns=file.columns)
+        outside = (f"{found.outside} outside of the site",) if found.outside else ()
+        return MappedTrees(list(found.trees), (*outside, *found.notes))
+    read = read_canopy_points if ending in LASER else read_canopy
+    canopy = read(file.path, origin, config.size, crs=file.crs)
+    trees = find_trees(canopy)
+    lower = fill_canopy(canopy, trees)
+    cells = (
+        f"{len(trees):,} tops in a canopy model of {np.sqrt(canopy.cell_area):.2g} m cells, {len(lower):,} lower ones"
+    )
+    missing = (f"{canopy.missing:,} cells without data count as bare ground",) if canopy.missing else ()
+    return MappedTrees([*trees, *lower], (cells, *missing))
 
 
 ROW: Final = 8.0
