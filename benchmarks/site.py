@@ -276,11 +276,13 @@ def matched(world: World, found: Sequence[Tree]) -> str:
     )
 
 
-def measure_scan(folder: Path, path: Path, centre: tuple[float, float], size: tuple[float, float]) -> None:
+def measure_scan(
+    folder: Path, path: Path, centre: tuple[float, float], size: tuple[float, float], species: Sequence[str]
+) -> None:
     """Print how far the canopy of a site that is built of a scan is from that of the scan."""
     own: dict[str, Any] = {
         "centre": list(centre), "size": list(size), "litter": 0, "grass_per_m2": 0, "beyond": False,
-        "elevation": {"file": str(path), "reference": "ellipsoid"},
+        "elevation": {"file": str(path), "reference": "ellipsoid"}, "species": dict.fromkeys(species, 1.0),
     }  # fmt: skip
     site = build_world("site", 0, {**own, "trees": {"file": str(path)}})
     real = read_canopy_points(path, site.origin, size)
@@ -336,10 +338,11 @@ def main() -> None:
     parser.add_argument("--scan", type=Path, help="LAS or LAZ file with ground points")
     parser.add_argument("--at", type=float, nargs=2, metavar=("LATITUDE", "LONGITUDE"), help="middle of the site")
     parser.add_argument("--size", type=float, nargs=2, default=(60.0, 60.0), help="[m] of the site along x and y")
+    parser.add_argument("--species", nargs="+", default=["beech", "spruce", "oak", "birch"], help="of its trees")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if options.scan is not None:
-            measure_scan(Path(folder), options.scan, tuple(options.at), tuple(options.size))
+            measure_scan(Path(folder), options.scan, tuple(options.at), tuple(options.size), options.species)
         for name in options.parts or ([] if options.scan else PARTS):
             PARTS[name](Path(folder))
 

@@ -92,6 +92,8 @@ _DEEPENS: Final = 0.45
 """Share of a tree's height by which its crown is lower at its edge than at its top: of a paraboloid."""
 _SLENDER: Final = 0.11
 """Radius of the crown of a tree among others, as a share of its height."""
+_LEVEL: Final = 0.8
+"""Share of the highest cell around it that the top of such a tree has, at least."""
 _UNSEEN: Final = (2.5, 0.2)
 """Least height [m], and share of the canopy's height, by which known crowns are too low where another tree stands."""
 
@@ -110,7 +112,9 @@ def fill_canopy(canopy: Canopy, trees: Sequence[Tree], *, lowest: float = LOWEST
         row, column = np.rint(inverse @ (np.array([tree.x, tree.y]) - canopy.world_from_cell[:, 2])).astype(int)
         _raise_crown(known, (int(row), int(column)), tree.height or 0.0, tree.crown_radius or 0.0, matrix)
     added = []
-    cells = np.flatnonzero(heights.ravel() >= lowest)
+    # At the edge of a crown, cells are as high as a lower tree; it has its top among cells of about one height.
+    level = heights >= _LEVEL * maximum_filter(heights, size=3)
+    cells = np.flatnonzero((level & (heights >= lowest)).ravel())
     for cell in cells[np.argsort(-heights.ravel()[cells], kind="stable")].tolist():
         row, column = divmod(cell, shape[1])
         height = float(heights[row, column])

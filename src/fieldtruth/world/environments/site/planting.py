@@ -35,7 +35,7 @@ MOST, NEAR = 150_000, 20.0
 """Members of a swarm, about, from which it thins out away from trails, and the distance [m] over which it does."""
 TUFTS: Final = 4.0
 """Tufts that a clump of grass counts for; it has more, which overlap with those around it."""
-WITHIN: Final = 0.85
+WITHIN: Final = 0.9
 """Share of a crown's leaves, seen from above, that are within its radius; some branches reach out of any crown."""
 WIDTHS: Final = (1.2, 1.9)
 """Ratio of the widths of a tree's copies, and the greatest factor by which one is wider or slimmer than it grew."""
