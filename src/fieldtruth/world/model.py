@@ -23,6 +23,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
+from fieldtruth.world.classes import with_own
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
@@ -359,8 +360,8 @@ class World:
 
     @cached_property
     def classes(self) -> ClassTable:
-        """Classes of its materials, and all that any world may have."""
-        return CLASSES.without(*OF_MAPS - {material.label for material in self.materials.values()})
+        """Those of ours that any world may have or that its materials have, and those of its layout."""
+        return with_own(self.layout).without(*OF_MAPS - {material.label for material in self.materials.values()})
 
     def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""

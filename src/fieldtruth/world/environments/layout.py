@@ -18,7 +18,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
-from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
+from fieldtruth.experiment.fields import Integer, Number, Positive
+from fieldtruth.world.classes import ClassesConfig
 from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
@@ -208,7 +209,7 @@ Corners = Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2, descr
 Trails = Annotated[tuple[Corners, ...], Field(description="a list of lines, each a list of at least two [x, y]")]
 
 
-class GroundConfig(Frozen):
+class GroundConfig(ClassesConfig):
     """Keys of all layouts: the size of the world, the terrain's grid and the roughness of its ground."""
 
     grounds: ClassVar[tuple[str, ...]]
