@@ -10,7 +10,7 @@ from itertools import product
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
 from fieldtruth.core.errors import FieldtruthError, suggestion
@@ -58,10 +58,11 @@ class ClassesConfig(Frozen):
         default={}, description="a mapping of names of classes to {colour: [red, green, blue], id: 32}"
     )
 
-    @model_validator(mode="after")
-    def _different(self) -> Self:
-        class_table(self.classes)
-        return self
+    @field_validator("classes")
+    @classmethod
+    def _different(cls, classes: Mapping[str, OwnClass]) -> Mapping[str, OwnClass]:
+        class_table(classes)
+        return classes
 
 
 def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> ClassTable:
@@ -73,7 +74,7 @@ def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> C
     names = [as_key(name) for name in own]
     for name, key in zip(own, names, strict=True):
         if names.count(key) > 1 or key in {known for row in CLASSES for known in (as_key(row.name), row.key)}:
-            raise LocatedError("is the name of another class", (CLASSES_KEY, name))
+            raise LocatedError("is the name of another class", (name,))
     given = [each.id for each in own.values() if each.id is not None]
     free = iter(number for number in range(FIRST, LAST + 1) if number not in given)
     rgb = {row.rgb: row.name for row in CLASSES}
@@ -81,9 +82,9 @@ def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> C
     for name, each in own.items():
         label = next(free, None) if each.id is None else each.id
         if label is None or label in found or given.count(label) > 1:
-            raise LocatedError(f"must have an id of its own from {FIRST} to {LAST}", (CLASSES_KEY, name))
+            raise LocatedError(f"must have an id of its own from {FIRST} to {LAST}", (name,))
         if each.colour in rgb and each.colour is not None:
-            raise LocatedError(f"must differ from that of {rgb[each.colour]}", (CLASSES_KEY, name, "colour"))
+            raise LocatedError(f"must differ from that of {rgb[each.colour]}", (name, "colour"))
         found[label] = SemanticClass(label, name, each.colour)
         rgb |= {each.colour: name} if each.colour else {}
     for label, row in sorted(found.items()):
@@ -106,10 +107,13 @@ def _far_from(taken: list[tuple[int, int, int]]) -> tuple[int, int, int]:
 def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     """Return the classes that a world of an environment may have, with those of its layout.
 
+    Buildings and fences come to the paper's environments with objects, or in a world that is given: its classes are in
+    the layout, even if there are none.
+
     Raises:
         ConfigurationError: classes that are not allowed.
     """
-    only_ours = environment in WITHOUT_MAPS and not layout.get("objects")
+    only_ours = environment in WITHOUT_MAPS and not layout.get("objects") and CLASSES_KEY not in layout
     return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
 
 
