@@ -2,33 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Classes of a layout's own: a bale of id 32 in a small park, with its name and colour in all that reads its run."""
 
-import csv
-import json
-import runpy
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-import yaml
-from openpyxl import load_workbook
-from PIL import Image
 
 import fieldtruth as ft
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.datasets import RunDataset, Runs
-from fieldtruth.exporters import export
-from fieldtruth.gazebo.worlds import world_bodies
-from fieldtruth.interchange.inventory import inventory
-from fieldtruth.ontology import label_map_of
-from fieldtruth.report.page import write_page
-from fieldtruth.report.shares import ClassShares, shares_table
-from fieldtruth.validation.world import allowed_by_name
-from fieldtruth.world.build import check_layout
-from fieldtruth.world.classes import FIRST, as_layout, classes_of, with_own
 
 NAME, COLOUR, ID = "hay_bale", (200, 180, 60), 32
 OWN = {NAME: {"colour": list(COLOUR), "label_maps": {"rellis": "vehicle"}}, "crate": {"id": 77}}

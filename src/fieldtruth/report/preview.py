@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import SemanticClass
-from fieldtruth.core.classes import CLASSES, PALETTE, SemanticClass
 from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
