@@ -16,7 +16,6 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
 from fieldtruth.experiment.environment_file import SITE
@@ -83,12 +82,7 @@ def find_environment(name: str, source: str = "") -> Environment:
 
 
 PAPER: Final = ("forest", "hillside", "lake", "park")
-"""Environments of the paper, which have neither buildings nor fences."""
-
-
-def classes_of(environment: str) -> ClassTable:
-    """Return the classes that a world of an environment may have."""
-    return CLASSES.without(*OF_MAPS) if environment in PAPER else CLASSES
+"""Environments of the paper."""
 
 
 def list_environments() -> dict[str, str]:
