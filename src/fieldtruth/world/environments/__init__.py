@@ -16,7 +16,6 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
 from fieldtruth.experiment.environment_file import SITE
@@ -62,6 +61,14 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
+    }
+    | {
+        name: Environment(description, f"{__name__}.layered")
+        for name, description in (
+            ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
+            ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
+            ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),
+        )
     },
 )
 
@@ -74,13 +81,8 @@ def find_environment(name: str, source: str = "") -> Environment:
     return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
 
 
-WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
-"""Environments of the paper, which have neither buildings nor fences."""
-
-
-def classes_of(environment: str) -> ClassTable:
-    """Return the classes that a world of an environment may have."""
-    return CLASSES.without(*OF_MAPS) if environment in WITHOUT_MAPS else CLASSES
+PAPER: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper."""
 
 
 def list_environments() -> dict[str, str]:
