@@ -158,7 +158,9 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
         assert meaning, key
 
 
-@pytest.mark.parametrize(("heading", "model"), [("Keys", ObjectConfig), ("Scatter", ScatterConfig)])
+@pytest.mark.parametrize(
+    ("heading", "model"), [("Keys", ObjectConfig), ("Classes", OwnClass), ("Scatter", ScatterConfig)]
+)
 def test_every_key_of_an_own_object_is_described(heading: str, model: type[BaseModel]) -> None:
     described = {cells[0].strip("`"): cells for cells in table_rows(section(OBJECTS, heading)) if cells[0][0] == "`"}
     assert list(described) == list(model.model_fields)
