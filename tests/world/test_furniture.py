@@ -33,7 +33,7 @@ PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name
 
 def test_every_piece_is_measured() -> None:
     """Here, in ``test_power_line``, ``test_site_objects`` or ``test_rural``."""
-    rural = {"stone_wall_0", "stone_wall_1", "stone_wall_2", "trellis_post_0", "trellis_post_1", "trellis_wires_0"}
+    rural = {"stone_wall_0", "stone_wall_1", "stone_wall_2", "trellis"}
     assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1", "bollard", *rural}
 
 

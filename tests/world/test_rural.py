@@ -137,22 +137,14 @@ def test_walls_differ_and_are_the_same_again() -> None:
     assert len(first.faces) != len(second.faces)
 
 
-@pytest.mark.parametrize(("name", "height"), [("trellis_post_0", 2.0), ("trellis_post_1", 1.97)])
-def test_posts_of_a_trellis_are_two_metres_high_and_in_the_soil(name: str, height: float) -> None:
-    post = make_furniture(name)
-    assert_valid(post, least_area=0.0)
-    assert {MATERIALS[m].label for m in post.materials} == {Label.POST}
-    assert post.vertices[:, 2].max() == pytest.approx(height, abs=0.03)
-    assert post.vertices[:, 2].min() == pytest.approx(-0.6, abs=0.03)
-    assert all(c.position[2] + c.size[-1] < height + 0.05 for c in post.colliders)
-
-
-def test_wires_of_a_trellis_are_at_their_heights_on_both_sides() -> None:
-    wires = make_furniture("trellis_wires_0")
-    assert {MATERIALS[m].label for m in wires.materials} == {Label.CABLE}
-    assert not wires.colliders
-    ends = wires.vertices[wires.vertices[:, 0] > 2.99].astype(np.float64)
-    apart = np.abs(ends[:, 2, None] - [0.85, 1.25, 1.6, 1.85])
-    assert apart.min(axis=1).max() < 0.002
-    assert apart.min(axis=0).max() < 0.002
-    assert np.unique(np.sign(ends[:, 1])).tolist() == [-1, 1]
+def test_a_trellis_has_a_post_of_two_metres_and_wires_on_both_sides_of_the_canopy() -> None:
+    trellis = make_furniture("trellis")
+    label = np.array([MATERIALS[name].label for name in trellis.materials])[trellis.material]
+    assert set(label) == {Label.POST, Label.CABLE}
+    post, wires = (trellis.vertices[np.unique(trellis.faces[label == each])] for each in (Label.POST, Label.CABLE))
+    assert post[:, 2].max() == pytest.approx(2.0, abs=0.03)
+    assert post[:, 2].min() < -0.3
+    assert wires[:, 0].max() == pytest.approx(6.0, abs=0.01)  # five vines to a span
+    assert wires[:, 2].min() == pytest.approx(0.85, abs=0.03)  # below the cordon
+    assert 1.5 < wires[:, 2].max() < 1.9
+    assert set(np.sign(wires[wires[:, 2] > 1.2, 1])) == {-1.0, 1.0}

@@ -6,8 +6,8 @@ Park benches, 1.7 m wide, seat 0.45 m high: cast-iron sides, concrete sides, and
 5 m: a cast-iron column with a four-paned lantern, and a steel pole with a post-top luminaire. Tables, 0.75 m high, long
 side along y: planks on crossed legs, and a round chess table of concrete. Trash bins, about 0.9 m high: a slatted steel
 basket around a drum, and a hooded sheet-metal bin on a post. Poles of power lines: wood with a wooden cross-arm and
-brown porcelain, and concrete with a steel cross-arm and grey porcelain. Along x: walls of dry stone, and posts and
-wires of a vineyard's trellis.
+brown porcelain, and concrete with a steel cross-arm and grey porcelain. Walls of
+dry stone lie along x, up to 1.1 m high.
 """
 
 from collections.abc import Iterator, Mapping
