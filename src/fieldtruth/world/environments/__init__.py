@@ -61,6 +61,14 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
+    }
+    | {
+        name: Environment(description, f"{__name__}.layered")
+        for name, description in (
+            ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
+            ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
+            ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),
+        )
     },
 )
 
@@ -71,6 +79,10 @@ FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surface
 def find_environment(name: str, source: str = "") -> Environment:
     """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
     return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
+
+
+PAPER: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper."""
 
 
 def list_environments() -> dict[str, str]:
