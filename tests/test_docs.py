@@ -177,6 +177,19 @@ def test_the_example_of_own_objects_is_an_experiment() -> None:
     layout_model(experiment.environment).model_validate(experiment.layout)
 
 
+def test_the_layers_of_each_landscape_are_described() -> None:
+    rows = table_rows(PLACES.partition("\n## Further landscapes\n")[2].partition("\n## ")[0])
+    described = {cells[0].strip("`"): cells for cells in rows if cells[0].startswith("`")}
+    assert sorted(described) == sorted(name for name in ENVIRONMENTS if name not in PAPER)
+    common = {*layout_model("park").model_fields, "trails", "trail_width"}
+    for name, (_, meaning, objects, plants) in described.items():
+        assert meaning
+        layers = [
+            f"{key}: {field.default}" for key, field in layout_model(name).model_fields.items() if key not in common
+        ]
+        assert re.findall(r"`([^`]+)`", f"{objects}, {plants}") == layers, name
+
+
 def test_the_example_of_a_layout_is_an_experiment() -> None:
     text, *_ = re.findall(r"```yaml\n(.*?)```", PLACES, flags=re.S)
     experiment = parse_experiment(text)
