@@ -36,6 +36,7 @@ from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.environments.site.config import Config as Site
 from fieldtruth.world.environments.site.config import ElevationFile
+from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.model import World
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.plants import TREES
@@ -147,7 +148,7 @@ def test_the_example_of_the_reference_is_an_experiment() -> None:
     assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.stereo.enabled) == (7, 1024, False)
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("name", PAPER)
 def test_the_layout_of_each_environment_is_described(name: str) -> None:
     section = PLACES.partition(f"\n### {name.capitalize()}\n")[2].partition("\n#")[0]
     described = {cells[0].strip("`"): cells for cells in table_rows(section) if cells[0].startswith("`")}
