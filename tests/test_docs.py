@@ -32,11 +32,10 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.environments.site.config import Config as Site
 from fieldtruth.world.environments.site.config import ElevationFile
-from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.model import World
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.plants import TREES
