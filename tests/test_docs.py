@@ -32,6 +32,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
+from fieldtruth.world.classes import OwnClass
 from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.environments.site.config import Config as Site

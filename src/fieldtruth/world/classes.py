@@ -36,7 +36,9 @@ class OwnClass(Frozen):
     """By default the next free one, in the order of the names."""
     colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
     """By default one that is far from those of all other classes."""
-    label_maps: Mapping[str, str] = {}
+    label_maps: Mapping[str, str] = Field(
+        default={}, description="a mapping of names of label maps to one of their classes"
+    )
     """Class of another ontology by the name of the label map; void in those that are not listed."""
 
     @model_validator(mode="after")
