@@ -77,7 +77,7 @@ def world() -> ft.World:
 @pytest.fixture(scope="module")
 def folder(world: ft.World, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with a short run past them."""
-    values = {"name": "own", "environment": "park", "seconds": 0.5, "route": ROUTE, "rig": RIG}
+    values = {"name": "own", "environment": "meshes", "seconds": 0.5, "route": ROUTE, "rig": RIG}
     out = tmp_path_factory.mktemp("own")
     return ft.generate(ft.Experiment.model_validate(values), out, world=world, workers=2).parent
 
@@ -279,14 +279,16 @@ def test_buildings_and_fences_are_only_where_they_can_be() -> None:
 @pytest.mark.parametrize(
     ("own", "words"),
     [
-        ({"Tree Top!": {}}, "classes"),
+        ({"Tree Top!": {}}, r"layout: classes.Tree Top! must be named by at most 64 letters, digits, "),
         ({"treetop": {}}, r"layout: classes.treetop is the name of another class"),
         ({"trunk": {}}, r"is the name of another class"),
         ({"a b": {}, "a_b": {}}, r"is the name of another class"),
-        ({"a": {"id": 31}}, r"classes.a.id must be .*32.*255, got 31"),
+        ({"a": {"id": 31}}, r"classes.a.id must be an integer between 32 and 255, got 31"),
         ({"a": {"id": 40}, "b": {"id": 40}}, r"classes.\w must have an id of its own from 32 to 255"),
         ({"a": {"colour": [0, 0, 0]}}, r"classes.a.colour must differ from that of table"),
-        ({"a": {"colour": [0, 0, 256]}}, r"classes.a.colour"),
+        ({"a": {"colour": [0, 0, 256]}}, r"classes.a.colour.* must be .*, got 256"),
+        ({"a": {"rgb": [0, 0, 255]}}, r"unknown key 'classes.a.rgb'; .*Available: id, colour, label_maps"),
+        ({"a": 3}, r"classes.a must be a mapping with the keys id, colour, label_maps, got 3"),
         ({"a": {"label_maps": {"rellis": "car"}}}, r"classes.a.label_maps.rellis unknown class 'car'; "),
         ({"a": {"label_maps": {"relis": "vehicle"}}}, r"unknown label map 'relis'; did you mean 'rellis'"),
     ],
