@@ -202,7 +202,10 @@ def reflectance_of(material: Material) -> Reflectance:
         table["ground_types"].get(material.ground_type),
         table["textures"].get(material.texture),
     )
-    return next((each for each in found if each is not None), table["classes"][material.label.name.lower()])
+    if (own := next((each for each in found if each is not None), None)) is not None:
+        return own
+    known = material.label in set(Label)  # not a class of the user's own
+    return table["classes"][Label(material.label if known else Label.VOID).name.lower()]
 
 
 def echo_buffers(echoes: int, columns: int, rings: int) -> EchoBuffers:
