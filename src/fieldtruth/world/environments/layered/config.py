@@ -41,7 +41,7 @@ SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 LATE: Final = frozenset({"crown", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, 0 before there are any, and height [m] of
-the ground above the water, large where there is none."""
+the ground above the water, large where it is dry."""
 
 
 class Rows(Frozen):
