@@ -113,7 +113,7 @@ def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     """Return the classes that a world of an environment may have, with those of its layout.
 
     Buildings and fences come to the paper's environments with objects, or in a world that is given: its classes are in
-    the layout, even if there are none.
+    the layout, even if it is empty.
 
     Raises:
         ConfigurationError: classes that are not allowed.
