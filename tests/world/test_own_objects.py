@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_worlds import make_experiment
-from object_files import HEIGHT, RADIUS, bales, barrel, entry, gate, plain, trimesh
+from object_files import HEIGHT, RADIUS, SIDES, bales, barrel, entry, gate, plain, trimesh
 from pydantic import ValidationError
 
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, RouteError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.drive.plan import plan_route
@@ -22,18 +22,21 @@ from fieldtruth.drive.traversability import obstacle_outlines
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.gazebo.worlds import Part, world_bodies
+from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensor import camera_matrix
+from fieldtruth.sensors.lidar.sensing import reflectance_of
 from fieldtruth.simulation.motion import _depth
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import check_layout, load_world, read_world, save_world
 from fieldtruth.world.grids import Line, Trail
-from fieldtruth.world.model import Instance, World, make_mesh
+from fieldtruth.world.model import Instance, Material, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
+from fieldtruth.world.objects.files import read_file
 from fieldtruth.world.placement import CrowdedWorldError, SwarmSpec
 
 
@@ -280,6 +283,17 @@ def test_a_robot_passes_a_gate_that_is_a_mesh_but_not_its_hull(tmp_path: Path) -
     assert plan_route(plain([entry(path, pose=[3, 1.5], collider="none")]), experiment) == experiment.route
 
 
+def test_every_class_of_an_object_has_a_reflectance() -> None:
+    table = {
+        label: reflectance_of(Material(name="m", label=label, texture="t")) for label in CLASSES.of_objects.values()
+    }
+    assert all(0 < found.value < 1 for found in table.values())
+    assert table[Label.WATER].value < 0.05 < table[Label.BUILDING].value
+    own = Material(name="m", label=32, texture="t")
+    assert reflectance_of(own).value == 0.3
+    assert reflectance_of(replace(own, reflectance=0.8)).value == 0.8
+
+
 def test_depth_in_a_hull(tmp_path: Path) -> None:
     [hull] = plain([entry(bales(tmp_path / "bales.stl"))]).meshes["bales"].colliders
     points = np.array([[0.0, 0.0, 0.5], [1.7, 0.0, 0.5], [2.0, 0.0, 0.5], [0.0, 0.0, 1.05]])
@@ -310,6 +324,26 @@ def test_bodies_for_gazebo(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.ptp(surfaces["bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
     )
+
+
+@pytest.mark.slow
+def test_usd_and_gltf_scenes_of_a_world_are_read_back(tmp_path: Path) -> None:
+    """Positions, number of triangles and colours of a barrel, after both of our writers and both of our readers."""
+    pytest.importorskip("pxr")
+    world = plain([entry(barrel(tmp_path / "barrel.glb"), pose=[[4, 2, 30]])])
+    for form, name in (("usd", "scene_usd"), ("gltf", "scene.glb")):
+        write_scene(world, tmp_path / name, to=form)
+        [path] = [tmp_path / name] if form == "gltf" else (tmp_path / name).glob("*.usd*")
+        parts = [part for part in read_file(path).parts if part.look.name == "barrel_blue_paint_0"]
+        [part] = parts
+        assert len(part.faces) == 4 * SIDES
+        used = part.vertices[np.unique(part.faces)]
+        middle = (4, 2, HEIGHT / 2) if form == "usd" else (4, HEIGHT / 2, -2)  # y up in glTF
+        np.testing.assert_allclose((used.min(axis=0) + used.max(axis=0)) / 2, middle, atol=1e-3)
+        assert part.look.image is not None
+        np.testing.assert_allclose(
+            part.look.image.reshape(-1, 3).mean(axis=0), (53.75, 97.5, 167.5), atol=5
+        )  # of a JPEG
 
 
 def test_a_changed_texture_makes_another_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

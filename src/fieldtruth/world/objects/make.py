@@ -14,13 +14,14 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, suggestion
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
 from fieldtruth.world.objects.config import UNITS, ObjectConfig
 from fieldtruth.world.objects.content import FileContent, Part
 from fieldtruth.world.objects.files import read_file
-from fieldtruth.world.objects.surfaces import made_sound, solid_faces
+from fieldtruth.world.objects.surfaces import made_sound, row_keys, solid_faces
 from fieldtruth.world.solids import TILE
 
 SIZES: Final = (0.001, 200.0)
@@ -29,6 +30,8 @@ LARGEST: Final = 1024
 """Side of a texture [texel] at most."""
 MOST_CORNERS: Final = 64
 """Of a convex hull."""
+_MANY: Final = 20_000
+"""Points of which the hull takes seconds."""
 MOST_SOLID: Final = 2000
 """Triangles of a collider that is the mesh itself."""
 THICK: Final = 0.01
@@ -78,7 +81,7 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
     corner_uv = np.where(np.array(plain)[of_part][:, None, None], _box_uv(vertices, sound.faces), uv[sound.faces])
     keys = np.concatenate([sound.faces[..., None], sound.group[..., None]], axis=-1).reshape(-1, 2)
     keys = np.column_stack([keys, np.repeat(_facing(vertices, sound.faces) * np.array(plain)[of_part], 3)])
-    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    _, first, number = np.unique(row_keys(keys), return_index=True, return_inverse=True)
     mesh = make_mesh(
         config.title, vertices[sound.faces].reshape(-1, 3)[first], sound.normals.reshape(-1, 3)[first],
         corner_uv.reshape(-1, 2)[first], number, names, np.array(rows)[of_part],
@@ -120,7 +123,7 @@ def _in_our_frame(content: FileContent, config: ObjectConfig, where: str) -> lis
 
 def _material(config: ObjectConfig, part: Part, where: str) -> tuple[Material, NDArray[np.uint8] | None]:
     """Material of a part, without its number, and its image if that is not one of ours."""
-    label = _label(config.label, part, where)
+    label = _label(config.label, part, where, config.classes)
     if config.material:
         if config.material not in MATERIALS:
             raise ConfigurationError(f"{where}: unknown material {config.material!r}; "
@@ -139,13 +142,13 @@ def _named(
     return Material(name=name, label=label, texture=texture, tint=tint, gloss=gloss, reflectance=config.reflectance)
 
 
-def _label(given: str | Mapping[str, str], part: Part, where: str) -> int:
+def _label(given: str | Mapping[str, str], part: Part, where: str, classes: ClassTable) -> int:
     """Class of a part, by the name of its node or its material."""
     if isinstance(given, str):
-        return label_of(given, part.name, "", where)
+        return label_of(given, part.name, "", where, classes)
     for pattern, name in given.items():
         if fnmatchcase(part.name, pattern) or fnmatchcase(part.look.name, pattern):
-            return label_of(name, part.name, "", where)
+            return label_of(name, part.name, "", where, classes)
     raise ConfigurationError(
         f"{where}: label has no class for the node {part.name!r} with the material {part.look.name!r}; "
         f"'*' stands for all others"
@@ -235,18 +238,23 @@ def _body(points: Array, *, box: bool = False) -> Collider:
 
 
 def _hull(points: Array, where: str) -> Array:
-    """Corners (n, 3) of the convex hull, of large ones the farthest in directions that are spread evenly."""
+    """Corners (n, 3) of the convex hull, of one with too many some of them."""
+    points = points if len(points) <= _MANY else _extremes(points)
     try:
         corners: Array = points[ConvexHull(points).vertices]
     except QhullError as error:
         raise ConfigurationError(f"{where}: is flat and has no convex hull; choose collider: mesh or none") from error
-    if len(corners) <= MOST_CORNERS:
-        return corners
+    return corners if len(corners) <= MOST_CORNERS else _extremes(corners)
+
+
+def _extremes(points: Array) -> Array:
+    """The farthest of the points (n, 3) in ``MOST_CORNERS`` directions that are spread evenly."""
     k = np.arange(MOST_CORNERS) + 0.5
     z, turn = 1.0 - 2.0 * k / MOST_CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci's sphere
     across = np.sqrt(1.0 - z * z)
     directions = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
-    return np.asarray(corners[np.unique((corners / np.ptp(corners, axis=0) @ directions.T).argmax(axis=0))])
+    sides = np.maximum(np.ptp(points, axis=0), 1e-9)
+    return np.asarray(points[np.unique([(points / sides @ direction).argmax() for direction in directions])])
 
 
 def _circles(points: Array) -> Array:
