@@ -56,8 +56,12 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config)
     land = rng_of(seed, "beyond")
-    hills = rolling_hills(config.size, land, height=description.beyond.hills)
-    backdrop = make_backdrop(builder.field, config.size, description.beyond.material, land, land=hills)
+    hills, rule = rolling_hills(config.size, land, height=description.beyond.hills), description.beyond.land
+
+    def height_of_land(x: Array, y: Array) -> Array:
+        return hills(x, y) + rule.values({"x": x, "y": y}.__getitem__)
+
+    backdrop = make_backdrop(builder.field, config.size, description.beyond.material, land, land=height_of_land)
     return assemble(
         builder,
         terrain,

@@ -6,7 +6,7 @@ Later sections know the results of earlier ones: ground and objects the relief, 
 of the layers of objects and plants are keys of the layout, with their counts and densities.
 """
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -54,11 +54,13 @@ class Rows(Frozen):
 
 
 class Along(Frozen):
-    """Positions along a line of the environment, or along its trails."""
+    """Positions along a line of the environment, along its trails, or along the contour lines of a field."""
 
-    line: str
+    line: str = ""
+    contours: str = ""  # a field, instead
+    step: Positive = 1.0  # of the field between its contours
     every: Positive  # [m]
-    offset: Number = 0.0  # [m] to the left of the line; of trails from their edge, on both sides
+    offset: Number = 0.0  # [m] to the left of the line, where a field is larger; of trails from their edge, both sides
     jitter: Distance = 0.0
     gaps: Share = 0.0
 
@@ -124,6 +126,7 @@ class Beyond(Frozen):
 
     material: str = "meadow"
     hills: Distance = 9.0  # [m] at the horizon
+    land: Rule = Field(default=Expression("0"))  # height [m] that is added to them, of x and y
     swarms: Mapping[str, Plants] = {}
 
 
@@ -158,8 +161,7 @@ class Description(Frozen):
             for name in (name for name in names if name not in MATERIALS):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")
         for key, layer in self.objects.items():
-            if layer.along is not None and layer.along.line not in ("trail", *self.lines):
-                raise ValueError(f"objects.{key}.along: unknown line {layer.along.line!r}")
+            _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
         early = FLAT | set(self.lines)
         flat = early | {name for name in self.fields if not self._is_shaped(name)}
         for section, allowed in (("fields", early | SHAPED | set(self.fields)), ("relief", flat | SHAPED)):
@@ -168,6 +170,7 @@ class Description(Frozen):
         known = early | SHAPED | set(self.fields) | {CROWN}
         for key, rule in self._rules():
             _checked(key, rule, known, noise=False)
+        _checked("beyond.land", self.beyond.land, {"x", "y"}, noise=False)
         return self
 
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -193,6 +196,16 @@ def _checked(key: str, rule: Expression, known: Set[str], noise: bool) -> None:
         rule.check(known, noise=noise)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from error
+
+
+def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:
+    if along is None:
+        return
+    if bool(along.line) == bool(along.contours):
+        raise ValueError(f"{key}: either line or contours is required")
+    kind, name, known = ("line", along.line, ("trail", *lines)) if along.line else ("field", along.contours, [*fields])
+    if name not in known:
+        raise ValueError(f"{key}: unknown {kind} {name!r}; {suggestion(name, known)}")
 
 
 def _described(name: str, content: Entry, path: Path) -> Description:
