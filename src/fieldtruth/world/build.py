@@ -29,6 +29,7 @@ from fieldtruth.world.environments.layout import PLANTINGS, GroundConfig
 from fieldtruth.world.grids import Line
 from fieldtruth.world.library import data_files
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
+from fieldtruth.world.objects.files import with_named
 from fieldtruth.world.seasons.change import in_season
 
 _STORED: Final = {
@@ -36,7 +37,11 @@ _STORED: Final = {
 }
 _ALIGNED: Final = 64  # [byte] multiples at which arrays start in a stored world
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
-_EXTRAS: Final = {"maps": ("laspy", "osmium", "pyogrio", "pyproj", "rasterio", "shapely"), "objects": ("trimesh",)}
+_EXTRAS: Final = {
+    "maps": ("laspy", "osmium", "pyogrio", "pyproj", "rasterio", "shapely"),
+    "objects": ("trimesh",),
+    "usd": ("pxr",),
+}
 """Libraries by the extra that installs them."""
 _BASE: Final = 4e8
 """Memory [byte] for building a world, besides what grows with its terrain's nodes and with its area."""
@@ -169,7 +174,9 @@ def load_world(
     check_layout(environment, layout)
     environment, layout = resolved(environment, layout)
     folder = default_cache_folder() if cache_folder is None else cache_folder
-    inputs = dict(sorted(layout.items())), *file_digests(path for _, path in files_of(layout))
+    with needed_libraries():
+        named = [each for _, path in files_of(layout) for each in with_named(path)]
+    inputs = dict(sorted(layout.items())), *file_digests(named)
     stem = f"{environment}-{seed}" + (f"_{cache_key((), *inputs)[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
     return load_or_make(path, read_world, lambda: build_world(environment, seed, layout), save_world)
@@ -248,6 +255,8 @@ def _as_json(value: Any, data: bytearray) -> Any:
         return {"label": int(value)}
     if isinstance(value, tuple):
         return {"tuple": [_as_json(each, data) for each in value]}
+    if isinstance(value, list):
+        return [_as_json(each, data) for each in value]
     if isinstance(value, Mapping):
         return {"mapping": [[key, _as_json(each, data)] for key, each in value.items()]}
     return value

@@ -32,8 +32,8 @@ _COMPRESSED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "
 """Extensions of glTF that hide the data of a file."""
 
 
-def files_of(path: Path) -> list[Path]:
-    """Return a file of a mesh and all files that it names.
+def with_named(path: Path) -> list[Path]:
+    """Return a file and, if it is one of meshes, all files that it names.
 
     Raises:
         ConfigurationError: one is missing, too large, or not in the folder of the first.
@@ -113,9 +113,10 @@ def read_file(path: Path) -> FileContent:
     """Read the triangles of a file.
 
     Raises:
+        ModuleNotFoundError: the library that reads it is not installed.
         ConfigurationError: a file that cannot be read, has no triangles or too many, or names one that is not allowed.
     """
-    files_of(path)
+    with_named(path)
     content = read_usd(path) if path.suffix.lower().startswith(".usd") else _read_trimesh(path)
     count = sum(len(part.faces) for part in content.parts)
     if count == 0:
@@ -126,10 +127,8 @@ def read_file(path: Path) -> FileContent:
 
 
 def _read_trimesh(path: Path) -> FileContent:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ConfigurationError(f'{path}: needs trimesh; run: pip install "fieldtruth[objects]"') from error
+    import trimesh
+
     try:
         scene = trimesh.load_scene(path, process=False)
     except Exception as error:  # whatever a reader raises on a damaged file

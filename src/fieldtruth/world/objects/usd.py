@@ -14,17 +14,8 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.objects.content import FileContent, Look, Part, gloss_of, pixels, shares
 
 
-def _library() -> Any:
-    try:
-        import pxr.Usd
-    except ImportError as error:
-        raise ConfigurationError('files of USD need usd-core; run: pip install "fieldtruth[usd]"') from error
-    return pxr
-
-
 def named_files(path: Path) -> Iterator[str]:
     """Yield the layers and images of a file that are not inside it, relative to its folder where they are below it."""
-    _library()
     from pxr import UsdUtils
 
     folder = path.parent.resolve()
@@ -39,9 +30,8 @@ def read_usd(path: Path) -> FileContent:
     """Read the visible meshes of the default time.
 
     Raises:
-        ConfigurationError: the library is missing, or cannot read the file.
+        ConfigurationError: the library cannot read it.
     """
-    _library()
     from pxr import Tf, Usd, UsdGeom
 
     try:

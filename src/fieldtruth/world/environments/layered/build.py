@@ -28,6 +28,7 @@ from fieldtruth.world.grids import (
 )
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 
@@ -49,6 +50,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     fields = _fields(description, seed, corridors, config)
     fields.height = shape(fields)
     builder = make_ground(fields, config)
+    stand_objects(builder, config.objects)
     if description.water is not None:
         add_water(builder, description.water.level)
     place_objects(builder, fields, config)
@@ -71,6 +73,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         backdrop=backdrop,
         beyond=_swarms_beyond(builder, fields, config, backdrop),
         litter=config.litter,
+        objects=config.objects,
     )
 
 
