@@ -100,6 +100,7 @@ from .simulation.stepped import Simulation as Simulation
 from .simulation.stepped import frames as frames
 from .validation import Check as Check
 from .validation.runner import validate as validate
+from .world.build import build_site as build_site
 from .world.build import check_experiment as check_experiment
 from .world.build import load_world as load_world
 from .world.environments import list_environments as list_environments

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pycocotools import mask as masks
 
 from fieldtruth.exporters.coco import STUFF, Numbering, categories_of, segments_of
-from fieldtruth.ontology import OWN
+from fieldtruth.ontology import own_labels
 from fieldtruth.world.build import load_world
 
 
@@ -34,7 +34,7 @@ def test_only_names_of_single_objects_end_in_a_number(environment: str) -> None:
 def test_segment_ids_combine_category_and_object() -> None:
     """Classes that are not countable have no objects, even a lake, or reeds, a swarm with a number in its name."""
     names = ["husky", "lake_ground", "lake_1", "high_grass_reed_1", "cable_1", "cables_beyond", "meadow_tree_12"]
-    numbering = Numbering(categories_of(OWN), OWN, names)
+    numbering = Numbering(categories_of(own_labels()), own_labels(), names)
     rows = [(1, 1, 0), (7, 1, 0), (3, 1, 0), (14, 2, 0), (6, 3, 0), (13, 4, 4), (13, 5, 0), (2, 6, 6), (3, 6, 6),
             (15, 0, 0)]  # fmt: skip
     label, instance, single = np.array(rows).T

@@ -36,8 +36,8 @@ ONCE = {
 }  # fmt: skip
 OTHER = LabelMap(
     "other",
-    (200 + np.arange(18)).astype(np.uint8),
-    {200 + k: OntologyClass(f"class {k}", (k, 255 - k, 7 * k)) for k in range(18)},
+    (200 + np.arange(20)).astype(np.uint8),
+    {200 + k: OntologyClass(f"class {k}", (k, 255 - k, 7 * k)) for k in range(20)},
 )
 
 
@@ -140,7 +140,8 @@ def test_object_names_match_model_states(made: Path, bag: Path) -> None:
 
 def test_label_map_relabels(small_run: Path, made: Path, tmp_path: Path) -> None:
     target = tmp_path / "mapped"
-    files.write([open_run(small_run)], target, Options(OTHER, 2, Silent()))
+    run = open_run(small_run)
+    files.write([run], target, Options(OTHER.over(run.classes), 2, Silent()))
     for side in SIDES:
         assert names(target / f"img_{side}_label_id", ".png") == names(made / f"img_{side}_tag", ".png")
         for path in list((made / f"img_{side}_tag").iterdir())[::10]:

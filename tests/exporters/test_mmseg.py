@@ -19,7 +19,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
 from fieldtruth.exporters.mmseg import train_ids
-from fieldtruth.ontology import LABEL_MAPS, OWN
+from fieldtruth.ontology import LABEL_MAPS, own_labels
 
 SIDES = ("left", "right")
 
@@ -51,9 +51,9 @@ def test_files_are_pairs_of_photograph_and_train_ids(folder: Path, truth: Truth)
 
 def test_configuration_names_and_colours_each_train_id(folder: Path) -> None:
     values = runpy.run_path(str(folder / "dataset.py"))
-    rows = [row for row in CLASSES if row.rgb is not None]
+    rows = CLASSES[1:18]
     assert values["metainfo"] == {"classes": tuple(r.name for r in rows), "palette": [list(r.rgb or ()) for r in rows]}
-    assert train_ids(OWN).tolist() == [255, *range(17)]
+    assert train_ids(own_labels()).tolist() == [255, *range(19)]
     assert {name for name in values if name.endswith("_dataloader")} == {"train_dataloader", "val_dataloader"}
 
 
@@ -96,7 +96,7 @@ def test_mmseg_reads_it_by_its_configuration(
         parts = dict(configuration[f"{split}_dataloader"].dataset)
         assert parts.pop("type") == "BaseSegDataset"
         data = datasets.BaseSegDataset(**parts | {"pipeline": configuration.test_pipeline})
-        assert data.metainfo["classes"] == tuple(row.name for row in CLASSES if row.rgb is not None)
+        assert data.metainfo["classes"] == tuple(row.name for row in CLASSES[1:18])
         assert len(data) == len(truth.pictures)
         for item in data:
             _, side, stamp = Path(item["data_samples"].img_path).stem.rsplit("_", 2)

@@ -86,7 +86,7 @@ def test_every_point_of_a_lidar_is_in_a_voxel_of_its_class(small_run: Path, tmp_
     with np.load(made, allow_pickle=False) as file:
         grid = dict(file)
     assert (grid["coords"].dtype, grid["label"].dtype) == (np.uint16, np.uint8)
-    assert grid["names"].tolist() == [row.name for row in CLASSES]
+    assert grid["names"].tolist() == [row.name for row in CLASSES[:18]]
     assert (grid["coords"].max(axis=0) < grid["shape"]).all()
     size = np.array([*grid["shape"], len(CLASSES)])
     known = np.sort(np.ravel_multi_index((*grid["coords"].T.astype(np.int64), grid["label"]), size))

@@ -126,24 +126,27 @@ def test_what_is_no_raster_is_one_line(tmp_path: Path) -> None:
         read_raster(tmp_path / "dem.tif", PLACE, (60.0, 60.0))
 
 
-def scanned(path: Path, classes: int = 2) -> Path:
+def scanned(path: Path, classes: int = 2, crs: str = UTM, unit: float = 1.0) -> Path:
     rng = np.random.default_rng(1)
     east, north = pyproj.Transformer.from_crs(4326, UTM, always_xy=True).transform(PLACE.longitude, PLACE.latitude)
     xy = rng.uniform(-60.0, 60.0, (120_000, 2)) + np.array([east, north])
     header = laspy.LasHeader(point_format=6, version="1.4")
-    header.offsets, header.scales = (*xy.min(axis=0), 0.0), (0.001, 0.001, 0.001)
-    header.add_crs(pyproj.CRS(UTM))
+    header.offsets, header.scales = (*xy.min(axis=0) / unit, 0.0), (0.001, 0.001, 0.001)
+    header.add_crs(pyproj.CRS(crs))
     cloud = laspy.LasData(header)
-    cloud.x, cloud.y = xy.T
+    cloud.x, cloud.y = xy.T / unit
     tall = rng.random(len(xy)) < 0.4
-    cloud.z = hills(*xy.T) + np.where(tall, rng.uniform(1.0, 20.0, len(xy)), rng.normal(0.0, 0.02, len(xy)))
+    above = np.where(tall, rng.uniform(1.0, 20.0, len(xy)), rng.normal(0.0, 0.02, len(xy)))
+    cloud.z = (hills(*xy.T) + above) / unit
     cloud.classification = np.where(tall, 5, classes)
     cloud.write(path)
     return path
 
 
-def test_ground_points_of_a_laser_scan_give_the_ground(tmp_path: Path) -> None:
-    surface = read_ground_points(scanned(tmp_path / "als.laz"), PLACE, (80.0, 60.0), reference="ellipsoid")
+@pytest.mark.parametrize(("crs", "unit"), [(UTM, 1.0), ("+proj=utm +zone=32 +units=us-ft", 1200 / 3937)])
+def test_ground_points_of_a_laser_scan_give_the_ground(tmp_path: Path, crs: str, unit: float) -> None:
+    path = scanned(tmp_path / "als.laz", crs=crs, unit=unit)
+    surface = read_ground_points(path, PLACE, (80.0, 60.0), reference="ellipsoid")
     origin = PLACE._replace(height=600.0)
     x, y = np.linspace(-40, 40, 81), np.linspace(-30, 30, 61)
     points = np.stack([*np.meshgrid(x, y, indexing="ij"), surface.at(x, y, origin)], -1)

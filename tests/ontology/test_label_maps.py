@@ -25,6 +25,8 @@ RUGD = """\
 7 sky 0 0 255
 9 container/generic-object 255 0 127
 11 gravel 255 128 0
+12 building 255 0 0
+18 fence 102 0 204
 19 bush 255 153 204
 21 rock 153 204 255
 24 picnic-table 114 85 47"""
@@ -39,7 +41,9 @@ bush,17,0,#809693,6,vegetation
 gravel,24,0,#61615a,3,natural_ground
 tree_crown,27,0,#00c2a0,6,vegetation
 tree_trunk,28,1,#ffaa92,6,vegetation
+building,38,0,#013349,1,artificial_structures
 rock,40,1,#372101,4,obstacle
+fence,41,0,#ffb500,4,obstacle
 pole,45,1,#c0b9b2,4,obstacle
 low_grass,50,0,#0cbd66,3,natural_ground
 high_grass,51,0,#eec3ff,6,vegetation

@@ -27,7 +27,7 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco import Numbering, categories_of
-from fieldtruth.ontology import OWN
+from fieldtruth.ontology import own_labels
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.config import StereoConfig
@@ -133,9 +133,9 @@ def test_coco_numbers_objects_with_more_bits(runs: tuple[Path, Path], tmp_path: 
 
 def test_coco_refuses_what_24_bits_do_not_hold() -> None:
     names = ["tree_1"] * (1 << 19)  # 17, the last class, takes five bits
-    Numbering(categories_of(OWN), OWN, names)
+    Numbering(categories_of(own_labels()), own_labels(), names)
     with pytest.raises(BagError, match=r"at most 524288 objects with these classes, got 524289"):
-        Numbering(categories_of(OWN), OWN, [*names, "tree_1"])
+        Numbering(categories_of(own_labels()), own_labels(), [*names, "tree_1"])
 
 
 def test_semantickitti_is_refused_before_anything_is_written(runs: tuple[Path, Path], tmp_path: Path) -> None:

@@ -31,10 +31,12 @@ from fieldtruth.bag.readings import Readings, warn_of_intensity
 from fieldtruth.bag.stamps import Stream, read_streams
 from fieldtruth.bag.topics import Source, sources_of
 from fieldtruth.core.arrays import Counts
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Cloud, Frame, Message, Reading
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.world.environments import classes_of
 
 _TOLERANCE: Final = 0.2
 """Relative difference of a rate from which on it is another."""
@@ -172,6 +174,11 @@ class Run(BagFile):
             "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; "
             "rates, sizes of images and clouds, and frames are measured from the bag"
         )
+
+    @cached_property
+    def classes(self) -> ClassTable:
+        """Classes that points and pixels may have; of a bag from elsewhere all."""
+        return CLASSES if self.experiment is None else classes_of(self.experiment.environment)
 
     @cached_property
     def sensors(self) -> Mapping[str, Source]:

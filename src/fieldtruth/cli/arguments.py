@@ -12,7 +12,7 @@ from typing import Any, Final, NoReturn
 
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.experiment.environment_file import Chosen, resolved, with_paths
+from fieldtruth.experiment.environment_file import Chosen, is_environment_file, resolved, with_paths
 
 
 class UsageError(FieldtruthError):
@@ -93,6 +93,10 @@ def chosen(
     Raises:
         UnknownNameError, ConfigurationError: as ``check_layout``.
     """
+    from fieldtruth.world.environments import find_environment
+
+    if not is_environment_file(options.environment):
+        find_environment(options.environment)  # what follows takes a second to load
     from fieldtruth.world.build import check_layout
 
     check_layout(options.environment, like)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands for worlds and rigs in other tools, and for the cache: scene, gazebo, rig, cache."""
+"""Sub-commands for worlds, also in other tools, for rigs and the cache: world, scene, gazebo, rig, cache."""
 
 import argparse
 import time
@@ -26,6 +26,31 @@ def selected_world(options: argparse.Namespace, *layouts: Mapping[str, Any]) -> 
 
     environment, layout = chosen(options, *layouts)
     return load_world(environment, options.seed, layout)
+
+
+def _world(options: argparse.Namespace) -> None:
+    from fieldtruth.world.build import load_world
+    from fieldtruth.world.environments import FROM_FILES
+
+    environment, layout = chosen(options)
+    with show_progress() as progress:
+        notes: list[str] = []
+        if environment in FROM_FILES:
+            from fieldtruth.world.environments.site.inputs import describe, inputs_of
+
+            with progress.stage("read the maps"):
+                notes = list(describe(*inputs_of(layout)))
+        world = load_world(environment, options.seed, layout, progress=progress)
+    latitude, longitude, height = world.origin
+    triangles = sum(len(world.meshes[each.mesh].faces) for each in world.instances)
+    print(f"{world.name}: {world.size[0]:g} m x {world.size[1]:g} m about {latitude:.7f}, {longitude:.7f}")
+    print(f"origin: {height:.3f} m above the ellipsoid of WGS 84; z = 0 there")
+    for line in notes:
+        print(line)
+    print_line(
+        f"world: {len(world.instances):,} objects of {triangles / 1e6:.1f} million triangles, "
+        f"{len(world.swarms)} swarms; seed {world.seed}"
+    )
 
 
 def _scene(options: argparse.Namespace) -> None:
@@ -144,5 +169,5 @@ def _kind(entry: "Entry") -> str:
     return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
 
 
-COMMANDS: Final = {"scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
+COMMANDS: Final = {"world": _world, "scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
 """Sub-commands by name."""

@@ -4,10 +4,13 @@
 
 Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither returns a laser pulse,
 so the paper gives them no reflectivity. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
-Robot and particle (rain, snow, fog, dust in the air) occur only in runs whose experiment asks for them.
+Robot and particle (rain, snow, fog, dust in the air) occur only in runs whose experiment asks for them, building and
+fence only in worlds that are made from maps or from a user's objects.
 """
 
+from collections.abc import Iterator
 from enum import IntEnum
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -35,46 +38,95 @@ class Label(IntEnum):
     SKY = 15
     ROBOT = 16
     PARTICLE = 17
+    BUILDING = 18
+    FENCE = 19
+
+
+def as_key(name: str) -> str:
+    """Return a name of a class in small letters, with underscores for spaces and hyphens."""
+    return name.strip().lower().replace(" ", "_").replace("-", "_")
 
 
 class SemanticClass(NamedTuple):
     """One row of the table: the id, its name for people, and its flat colour (None for void)."""
 
-    label: Label
+    label: int
     name: str
     rgb: tuple[int, int, int] | None
 
+    @property
+    def key(self) -> str:
+        """Name as one word: ``trunk`` of trunk and branch."""
+        name = self.label.name if isinstance(self.label, Label) else self.name
+        return as_key(name)
 
-CLASSES: Final[tuple[SemanticClass, ...]] = (
-    SemanticClass(Label.VOID, "void", None),
-    SemanticClass(Label.GROUND, "ground", (0, 255, 0)),
-    SemanticClass(Label.TRUNK, "trunk and branch", (255, 0, 255)),
-    SemanticClass(Label.TREETOP, "treetop", (255, 255, 0)),
-    SemanticClass(Label.BUSH, "bush", (0, 0, 255)),
-    SemanticClass(Label.ROCK, "rock", (255, 0, 0)),
-    SemanticClass(Label.HIGH_GRASS, "high grass", (97, 127, 56)),
-    SemanticClass(Label.TRAIL, "trail", (76, 57, 48)),
-    SemanticClass(Label.LAMP_POST, "lamp post", (204, 97, 20)),
-    SemanticClass(Label.TRASH_BIN, "trash bin", (102, 0, 102)),
-    SemanticClass(Label.TABLE, "table", (0, 0, 0)),
-    SemanticClass(Label.BENCH, "bench", (255, 255, 255)),
-    SemanticClass(Label.POST, "post", (61, 59, 112)),
-    SemanticClass(Label.CABLE, "cable", (255, 153, 153)),
-    SemanticClass(Label.WATER, "water", (33, 112, 178)),
-    SemanticClass(Label.SKY, "sky", (127, 127, 127)),
-    SemanticClass(Label.ROBOT, "robot", (0, 255, 255)),
-    SemanticClass(Label.PARTICLE, "particle", (178, 128, 255)),
+
+class ClassTable(tuple[SemanticClass, ...]):
+    """Classes by id. An id that no class has is a row of the name ``void`` without a colour."""
+
+    @cached_property
+    def palette(self) -> NDArray[np.uint8]:
+        """(ids, 3) flat colour per class id; black for rows without one."""
+        table = np.array([row.rgb or (0, 0, 0) for row in self], np.uint8)
+        table.setflags(write=False)
+        return table
+
+    @property
+    def coloured(self) -> Iterator[SemanticClass]:
+        """Rows that points and pixels can have."""
+        return (row for row in self if row.rgb is not None)
+
+    @property
+    def of_objects(self) -> dict[str, int]:
+        """Ids by name and key of the classes that objects of a world may have."""
+        never = {*NOT_OF_WORLDS, Label.VOID, Label.SKY}
+        rows = [row for row in self.coloured if row.label not in never]
+        return {name: row.label for row in rows for name in (as_key(row.name), row.key)}
+
+    def without(self, *labels: int) -> "ClassTable":
+        """Return the table without some classes; other ids stay."""
+        rows = [SemanticClass(row.label, "void", None) if row.label in labels else row for row in self]
+        while rows[-1].rgb is None:
+            rows.pop()
+        return ClassTable(rows)
+
+
+CLASSES: Final = ClassTable(
+    [
+        SemanticClass(Label.VOID, "void", None),
+        SemanticClass(Label.GROUND, "ground", (0, 255, 0)),
+        SemanticClass(Label.TRUNK, "trunk and branch", (255, 0, 255)),
+        SemanticClass(Label.TREETOP, "treetop", (255, 255, 0)),
+        SemanticClass(Label.BUSH, "bush", (0, 0, 255)),
+        SemanticClass(Label.ROCK, "rock", (255, 0, 0)),
+        SemanticClass(Label.HIGH_GRASS, "high grass", (97, 127, 56)),
+        SemanticClass(Label.TRAIL, "trail", (76, 57, 48)),
+        SemanticClass(Label.LAMP_POST, "lamp post", (204, 97, 20)),
+        SemanticClass(Label.TRASH_BIN, "trash bin", (102, 0, 102)),
+        SemanticClass(Label.TABLE, "table", (0, 0, 0)),
+        SemanticClass(Label.BENCH, "bench", (255, 255, 255)),
+        SemanticClass(Label.POST, "post", (61, 59, 112)),
+        SemanticClass(Label.CABLE, "cable", (255, 153, 153)),
+        SemanticClass(Label.WATER, "water", (33, 112, 178)),
+        SemanticClass(Label.SKY, "sky", (127, 127, 127)),
+        SemanticClass(Label.ROBOT, "robot", (0, 255, 255)),
+        SemanticClass(Label.PARTICLE, "particle", (178, 128, 255)),
+        SemanticClass(Label.BUILDING, "building", (119, 255, 187)),
+        SemanticClass(Label.FENCE, "fence", (128, 0, 255)),
+    ]
 )
 
-PALETTE: Final[NDArray[np.uint8]] = np.array([c.rgb or (0, 0, 0) for c in CLASSES], np.uint8)
-"""(18, 3) flat colour per class id; row 0 (void) is never written."""
-PALETTE.setflags(write=False)
+PALETTE: Final = CLASSES.palette
+"""(20, 3) flat colour per class id; row 0 (void) is never written."""
 
 NO_RETURN: Final[frozenset[Label]] = frozenset({Label.WATER, Label.SKY})
 """Classes that return no laser pulse."""
 
 NOT_OF_WORLDS: Final[frozenset[Label]] = frozenset({Label.ROBOT, Label.PARTICLE})
 """Classes that no object of a world has: the robot that carries the sensors, and what floats in the air."""
+
+OF_MAPS: Final[frozenset[Label]] = frozenset({Label.BUILDING, Label.FENCE})
+"""Classes that the paper's four environments do not have."""
 
 GROUND_ID: Final = 1
 """Instance id of the ground, in every world."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from fieldtruth.bag.run import Run, open_run
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import output_errors, output_path, remove, replace_synced
 from fieldtruth.core.locks import locked
@@ -24,7 +25,7 @@ from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters.frames import Member, find_members
-from fieldtruth.ontology import OWN, LabelMap, label_map_of
+from fieldtruth.ontology import LabelMap, label_map_of, own_labels
 from fieldtruth.record.folder import new_folder
 
 T = TypeVar("T")
@@ -92,11 +93,13 @@ class Options(NamedTuple):
     """True: annotations have boxes of whole objects, for which the world is built again."""
     voxel_m: float = DEFAULT_VOXEL_M
     """Edge length [m] of the voxels of a format that has voxels."""
+    classes: ClassTable = CLASSES
+    """Those of the runs."""
 
     @property
     def labels(self) -> LabelMap:
         """Labels to write."""
-        return self.label_map or OWN
+        return self.label_map or own_labels(self.classes)
 
     def each(self, stage: str, run: Run, items: Sequence[T], work: Callable[[T], R]) -> Iterator[R]:
         """Yield the results of ``work``, which is done by threads, in the order of the items of a run."""
@@ -148,12 +151,19 @@ def export(
     workers, progress = cpu_count() if workers is None else workers, Silent() if progress is None else progress
     shard_bytes = (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6
     voxel_m = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
-    options = Options(chosen, workers, progress, members, shard_bytes, boxes, voxel_m)
+    classes = _classes_of(runs)
+    chosen = None if chosen is None else chosen.over(classes)
+    options = Options(chosen, workers, progress, members, shard_bytes, boxes, voxel_m, classes)
     if out is None:
         target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     _warn_of_left_out(to, runs, target.name)
     return target
+
+
+def _classes_of(runs: Sequence[Run]) -> ClassTable:
+    """Classes of all runs."""
+    return max((run.classes for run in runs), key=len)
 
 
 def _warn_of_left_out(to: str, runs: Sequence[Run], name: str) -> None:

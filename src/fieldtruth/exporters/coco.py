@@ -40,16 +40,18 @@ from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
 from fieldtruth.exporters.frames import Frames
-from fieldtruth.ontology import OWN, LabelMap
+from fieldtruth.ontology import LabelMap, own_labels
 from fieldtruth.world.boxes import named_objects, object_box
 
 _PARTS: Final = ("photo", "label", "instance")
 _LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
 _SUPERCATEGORIES: Final = {
-    Label[label]: above
+    int(Label[label]): above
     for above, labels in package_data("fieldtruth.exporters", "coco.yaml")["supercategories"].items()
     for label in labels
 }
+_OTHER: Final = "object"
+"""Supercategory of a user's classes."""
 STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS
 """Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
 _BITS: Final = 24
@@ -75,7 +77,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     numbering = Numbering(categories, options.labels, names)
     boxes = CocoBoxes(run, options.labels, names) if options.boxes else None
     run.streams([view.topics[part] for view in views for part in _PARTS])
-    frames = [(view.label, Frames(run, OWN, [view], extras=("instance",))) for view in views]
+    frames = [(view.label, Frames(run, own_labels(options.classes), [view], extras=("instance",))) for view in views]
     about = {} if boxes is None else boxes.objects()
     jobs = sorted(
         (stamp, k, i) for k, (_, each) in enumerate(frames) for i, stamp in enumerate(each.stamps_ns.tolist())
@@ -172,10 +174,10 @@ def categories_of(labels: LabelMap) -> list[Category]:
     """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped."""
     ids = labels.ids
     result: list[Category] = []
-    for number in sorted({int(ids[label]) for label in _SUPERCATEGORIES} - {int(ids[Label.VOID])}):
-        ours = [label for label in _SUPERCATEGORIES if ids[label] == number]
+    for number in sorted(labels.classes.keys() & {*ids.tolist()} - {int(ids[Label.VOID])}):
+        ours = np.flatnonzero(ids == number).tolist()
         name, rgb = labels.classes[number]
-        above = {_SUPERCATEGORIES[label] for label in ours}
+        above = {_SUPERCATEGORIES.get(label, _OTHER) for label in ours}
         countable = STUFF.isdisjoint(ours)
         result.append(Category(number, name, above.pop() if len(above) == 1 else name, countable, rgb))
     return result

@@ -33,7 +33,7 @@ from fieldtruth.bag.topics import Source, sources_of
 from fieldtruth.core import readings as kinds
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES, PALETTE
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Joints, Message, Odometry, Reading, WheelSpeeds
 from fieldtruth.core.yaml_io import package_data
@@ -82,7 +82,7 @@ class TextFile(NamedTuple):
 
 
 class _Encoded(NamedTuple):
-    """Files of a reading, bytes by folder, and counts by class id (18,) of "pixels" or "points" of a sensor."""
+    """Files of a reading, bytes by folder, and counts by class id (classes,) of "pixels" or "points" of a sensor."""
 
     files: Mapping[str, bytes]
     counts: Mapping[tuple[str, str], Counts] = {}
@@ -208,7 +208,7 @@ def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
     """Each part of the images is written, also at a stamp at which another is missing."""
     encoders: Mapping[str, Callable[[str, Any], _Encoded]] = {
         "photo": lambda name, image: _Encoded({f"img_{name}": encode_png(image.photo)}),
-        "label": partial(_tag, label_map),
+        "label": partial(_tag, run.classes, label_map),
         "depth": _depth,
         "instance": lambda name, image: _Encoded({f"instances_{name}": ids_png(image.instance)}),
         "normal": lambda name, image: _Encoded({f"normals_{name}": normals_png(image.normal)}),
@@ -218,20 +218,20 @@ def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
         for part in view.recorded(run.counts):
             yield _Writer(run.readings(view.name, [part]), partial(encoders[part], view.label))
     for sensor in run.of(Cloud):
-        yield _Writer(run[sensor.name], partial(_cloud, sensor.name, label_map))
+        yield _Writer(run[sensor.name], partial(_cloud, run.classes, sensor.name, label_map))
 
 
-def _tag(label_map: LabelMap | None, name: str, image: Image) -> _Encoded:
+def _tag(classes: ClassTable, label_map: LabelMap | None, name: str, image: Image) -> _Encoded:
     assert image.label is not None
     label = image.label
-    files = {f"img_{name}_tag": encode_png(PALETTE[label])}
+    files = {f"img_{name}_tag": encode_png(classes.palette[label])}
     if label_map is not None:
         ids = label_map.ids[label]
         files |= {
             f"img_{name}_label_id": encode_png(ids),
             f"img_{name}_label_color": encode_png(label_map.colours()[ids]),
         }
-    return _Encoded(files, {("pixels", name): _count(label)})
+    return _Encoded(files, {("pixels", name): _count(label, classes)})
 
 
 def _depth(name: str, image: Any) -> _Encoded:
@@ -242,16 +242,16 @@ def _flow(name: str, image: Any) -> _Encoded:
     return _Encoded({f"flow_{name}": flow_png(image.flow), f"flow_{name}_raw": flow_flo(image.flow)})
 
 
-def _cloud(name: str, label_map: LabelMap | None, cloud: Cloud) -> _Encoded:
+def _cloud(classes: ClassTable, name: str, label_map: LabelMap | None, cloud: Cloud) -> _Encoded:
     last = cloud.others.get("intensity", cloud.label)
     files = {name: points_csv(np.concatenate([cloud.xyz, last[:, None]], axis=1, dtype=cloud.xyz.dtype))}
     if label_map is not None:
         files[f"{name}_label"] = label_map.ids[cloud.label].astype("<u4").tobytes()
-    return _Encoded(files, {("points", name): _count(cloud.label)})
+    return _Encoded(files, {("points", name): _count(cloud.label, classes)})
 
 
-def _count(label: NDArray[np.uint8]) -> Counts:
-    return np.bincount(label.reshape(-1), minlength=len(CLASSES))
+def _count(label: NDArray[np.uint8], classes: ClassTable) -> Counts:
+    return np.bincount(label.reshape(-1), minlength=len(classes))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -355,8 +355,8 @@ def readme(
         fill(_TEXTS["numbers"], 110),
         _section("One file per run", per_run),
         _section("Missing, because the bag does not have the topic", [(each, "") for each in missing]),
-        _classes(),
-        "" if label_map is None else _other_classes(label_map),
+        _classes(run.classes),
+        "" if label_map is None else _other_classes(run.classes, label_map),
         _TEXTS["paper"],
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
@@ -374,21 +374,18 @@ def _section(title: str, rows: Sequence[tuple[str, str]]) -> str:
     return "\n".join(lines)
 
 
-def _classes() -> str:
-    rows = [(f"{row.label:>3}  {row.name}", " ".join(map(str, row.rgb))) for row in CLASSES if row.rgb is not None]
+def _classes(classes: ClassTable) -> str:
+    rows = [(f"{row.label:>3}  {row.name}", " ".join(map(str, row.rgb or ()))) for row in classes.coloured]
     return _section("Classes: id, name, colour in the tag images (red, green, blue)", rows)
 
 
-def _other_classes(label_map: LabelMap) -> str:
+def _other_classes(classes: ClassTable, label_map: LabelMap) -> str:
     """Return the section with the class of the ontology that each of our classes becomes."""
     rows = []
-    for row in CLASSES:
-        if row.rgb is not None:
-            number = int(label_map.ids[row.label])
-            other = label_map.classes[number]
-            rows.append(
-                (f"{row.label:>3}  {row.name}", f"{number} {other.name}, colour {' '.join(map(str, other.rgb))}")
-            )
+    for row in classes.coloured:
+        number = int(label_map.ids[row.label])
+        other = label_map.classes[number]
+        rows.append((f"{row.label:>3}  {row.name}", f"{number} {other.name}, colour {' '.join(map(str, other.rgb))}"))
     return _section(f"Classes in {label_map.name}", rows)
 
 
@@ -411,7 +408,10 @@ def _write_per_run(
         )
         by_intensity = all(map(intensity_is_class, run.of(Cloud)))
         noun = noun_of(run.of(Cloud))
-        write_sheet(target / SHEET, run.name, pixels, points, label_map, by_intensity=by_intensity, noun=noun)
+        write_sheet(
+            target / SHEET, run.name, pixels, points, label_map,
+            by_intensity=by_intensity, noun=noun, classes=run.classes,
+        )  # fmt: skip
     return [(name, about) for name, about in _TEXTS["per_run"].items() if (target / name).exists()]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import xlsxwriter
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS
+from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, ClassTable
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
@@ -61,22 +61,24 @@ def write_sheet(
     *,
     by_intensity: bool = True,
     noun: str = ROLES[Cloud].noun,
+    classes: ClassTable = CLASSES,
 ) -> None:
     """Write the workbook of a run.
 
     Args:
         path: the .xlsx file.
         name: of the run.
-        pixels: (18,) by class id, of each view by name (``left``, ``right``).
-        points: (18,) by class id, of each sensor of clouds by name.
+        pixels: (classes,) by class id, of each view by name (``left``, ``right``).
+        points: (classes,) by class id, of each sensor of clouds by name.
         label_map: adds a table in the classes of this ontology.
         by_intensity: whether the class of a point is its intensity, as in the paper.
         noun: what a sensor of clouds is called.
+        classes: of the run.
     """
     viewer = ROLES[Image].noun
     columns = [*_columns("pixels", viewer, pixels), *_columns("points", noun, points)]
-    usual = [row.label for row in CLASSES if row.rgb is not None and row.label not in NOT_OF_WORLDS]
-    rows = [_Class(*row) for row in CLASSES if row.label in usual or _occurs(row.label, columns)]
+    usual = [row.label for row in classes.coloured if row.label not in NOT_OF_WORLDS]
+    rows = [_Class(*row) for row in classes if row.label in usual or _occurs(row.label, columns)]
     with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
         book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _CREATED})
         _write_table(book, SHARES, rows, columns)

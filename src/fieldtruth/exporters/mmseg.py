@@ -21,7 +21,7 @@ from fieldtruth.core.png import encode_png
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import SPLITS, Frames, Member, require_frames, views_of
-from fieldtruth.ontology import OWN, LabelMap
+from fieldtruth.ontology import LabelMap, own_labels
 
 IGNORED: Final = 255
 """Train id of pixels without a class; MMSegmentation's ignore_index."""
@@ -49,7 +49,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def train_ids(labels: LabelMap) -> NDArray[np.uint8]:
-    """Train id by our class id (18,): numbers without gaps in the order of the ontology's ids; void is ignored."""
+    """Train id by our class id (classes,): numbers without gaps in the order of the ontology's ids; void is ignored."""
     used = _classes(labels)
     numbers = [used.index(number) if number in used else IGNORED for number in labels.ids.tolist()]
     return np.array(numbers, np.uint8)
@@ -63,7 +63,9 @@ def _classes(labels: LabelMap) -> list[int]:
 def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> set[str]:
     """Write photographs and train ids of a run; return the endings of the photographs."""
     require_frames(member.run, clouds=False)
-    every = [Frames(member.run, OWN, views, extras=()) for views in views_of(member.run).values()]
+    every = [
+        Frames(member.run, own_labels(options.classes), views, extras=()) for views in views_of(member.run).values()
+    ]
 
     def save(frame_of: tuple[Frames, int]) -> set[str]:
         frame = frame_of[0][frame_of[1]]

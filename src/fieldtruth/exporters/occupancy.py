@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import world_of_run
@@ -20,6 +20,10 @@ from fieldtruth.sense.scene import grid_of, terrain_nodes
 from fieldtruth.world.model import Mesh, World
 
 _TILE: Final = 128  # voxels along x and y that are in memory at once
+
+_IDS: Final = 256
+_BITS: Final = 32
+"""Of a voxel, one for each class."""
 
 
 class Voxels(NamedTuple):
@@ -56,7 +60,7 @@ def lattice_of(world: World, voxel_m: float) -> Lattice:
 def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
     """Yield the voxels of the columns along x in turn, with the share of the world that is done."""
     meshes, nodes = _meshes_of(world), terrain_nodes(world.terrain.surface)
-    trail, (nx, ny, nz) = grid_of(world.terrain.trail_distance), lattice.shape
+    trail, (nx, ny, nz), bits = grid_of(world.terrain.trail_distance), lattice.shape, _bits_of(world)
     for x in range(0, nx, _TILE):
         found: list[NDArray[np.int64]] = []
         for y in range(0, ny, _TILE):
@@ -69,26 +73,39 @@ def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
                 mark_ground(nodes, trail, start, lattice.voxel_m, grid)
             mark_meshes(meshes, np.flatnonzero(near), start, lattice.voxel_m, grid)
             cells = np.flatnonzero(grid)
-            for label in Label:
-                own = cells[grid.reshape(-1)[cells] & np.uint32(1 << int(label)) != 0]
+            for label, bit in bits.items():
+                own = cells[grid.reshape(-1)[cells] & np.uint32(1 << bit) != 0]
                 i, j, k = np.unravel_index(own, grid.shape)
-                found.append((((i + x) * ny + j + y) * nz + k) * len(Label) + int(label))
-        cell, label_ids = np.divmod(np.sort(np.concatenate(found)), len(Label))
+                found.append((((i + x) * ny + j + y) * nz + k) * _IDS + label)
+        cell, label_ids = np.divmod(np.sort(np.concatenate(found)), _IDS)
         coords = np.stack(np.unravel_index(cell, lattice.shape), axis=-1).astype(np.uint16)
         yield min(1.0, (x + _TILE) / nx), Voxels(coords, label_ids.astype(np.uint8))
+
+
+def _bits_of(world: World) -> dict[int, int]:
+    """Bit of each class in a voxel; those of the paper's classes are their ids.
+
+    Raises:
+        OutputError: more classes than bits.
+    """
+    own = sorted({int(material.label) for material in world.materials.values()} - {*Label})
+    if (most := _BITS - len(Label)) < len(own):
+        raise OutputError(f"voxels hold at most {most} own classes, and this world has {len(own)}")
+    return {int(label): int(label) for label in Label} | {label: len(Label) + k for k, label in enumerate(own)}
 
 
 def _meshes_of(world: World) -> VoxelMeshes:
     meshes: list[Mesh] = list(world.meshes.values())
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
-    labels = {name: int(material.label) for name, material in world.materials.items()}
+    bit_of = _bits_of(world)
+    bits_by_name = {name: 1 << bit_of[int(material.label)] for name, material in world.materials.items()}
     mesh = [np.array([rows[each.mesh] for each in world.instances], np.int64)]
     pose = [np.array([each.world_from_object for each in world.instances]).reshape(-1, 4, 4)]
     for swarm in world.swarms:
         mesh.append(np.array([rows[name] for name in swarm.meshes], np.int64)[swarm.mesh])
         pose.append(swarm.world_from_object)
     starts = np.cumsum([0, *(len(each.vertices) for each in meshes)])
-    bits = [np.array([1 << labels[n] for n in each.materials], np.uint32)[each.material] for each in meshes]
+    bits = [np.array([bits_by_name[n] for n in each.materials], np.uint32)[each.material] for each in meshes]
     all_mesh, all_pose = np.concatenate(mesh), np.concatenate(pose)
     boxes = [(each.vertices.min(axis=0), each.vertices.max(axis=0)) for each in meshes]
     corners = np.array([[[a[0], b[1], c[2]] for a in box for b in box for c in box] for box in boxes], np.float64)
@@ -146,5 +163,5 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             origin=lattice.origin,
             voxel_m=np.float64(options.voxel_m),
             shape=np.array(lattice.shape, np.int64),
-            names=np.array([row.name for row in CLASSES]),
+            names=np.array([row.name for row in options.classes]),
         )

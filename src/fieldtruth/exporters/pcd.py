@@ -18,7 +18,7 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import PAPER, first_of_clouds, intensity_is_class, noun_of
-from fieldtruth.ontology import OWN, LabelMap
+from fieldtruth.ontology import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
 """PCD's TYPE by NumPy's dtype kind."""
@@ -92,7 +92,7 @@ def _header(rows: NDArray[np.void], world_from_sensor: Array) -> bytes:
 
 
 def _readme(run: Run, sensors: Sequence[Source], labels: LabelMap) -> str:
-    own_void = int(Label.VOID) if labels is OWN else None
+    own_void = int(Label.VOID) if labels.is_own else None
     rows = [(number, name, rgb) for number, (name, rgb) in sorted(labels.classes.items()) if number != own_void]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
     noun, others = noun_of(sensors), [f"`{each.name}/`" for each in sensors if each.name != PAPER]

@@ -22,7 +22,7 @@ from fieldtruth.bag.geometry import read_objects
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
+from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
@@ -30,7 +30,7 @@ from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import Chosen, chosen_of_many, first_of_clouds, first_views, noun_of
 from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_lens, read_geometry, write_cloud, write_motion
-from fieldtruth.ontology import OWN, LabelMap
+from fieldtruth.ontology import LabelMap
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""
@@ -66,7 +66,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)
         for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True))
     ]
-    description = _description(runs, written, options.labels)
+    description = _description(runs, written, options.labels, options.classes)
     text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
     photographs = _TEXTS["photographs"][max(len(first_views(run)) * has_lens(run) for run in runs)]
     if photographs:
@@ -151,18 +151,20 @@ class _Dumper(yaml.SafeDumper):
         return super().represent_sequence(tag, sequence, flow_style=True)
 
 
-def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap) -> dict[str, Any]:
+def _description(
+    runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap, own: ClassTable
+) -> dict[str, Any]:
     """Content of fieldtruth.yaml, in the structure of semantic-kitti-api's configuration files."""
     classes = dict(sorted(label_map.classes.items()))
-    ids = {label: int(label_map.ids[label]) for label in Label}
+    ids = label_map.ids.tolist()
     split = _split(len(runs))
     counts = sum((written[number].points for number in split["train"]), np.zeros(256, np.int64))
     total = max(int(counts.sum()), 1)
     occurring = sum((done.points for done in written), np.zeros(256, np.int64))
-    seen = {ids[label] for label in set(Label) - NO_RETURN - NOT_OF_WORLDS - {Label.VOID}}
+    seen = {ids[label] for label in {row.label for row in own.coloured} - NO_RETURN - NOT_OF_WORLDS}
     seen |= {ids[label] for label in NOT_OF_WORLDS if occurring[ids[label]]} - {ids[Label.VOID]}
     return {
-        "name": "fieldtruth" if label_map is OWN else f"fieldtruth, labels of {label_map.name}",
+        "name": "fieldtruth" if label_map.is_own else f"fieldtruth, labels of {label_map.name}",
         "labels": {number: other.name for number, other in classes.items()},
         "color_map": {number: list(other.rgb)[::-1] for number, other in classes.items()},
         "content": {number: int(counts[number]) / total for number in classes},

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import CLASSES, GROUND_ID, PALETTE, Label
+from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.drive.ground import HARD
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.robot_config import GRAVITY
@@ -64,7 +64,7 @@ class Part:
     model: str
     mesh: str
     material: str
-    label: Label
+    label: int
     pose: tuple[float, ...] = (0.0,) * 6
     scale: float = 1.0
     solid: bool = True
@@ -464,14 +464,15 @@ def _write_models(
     """Write the models and the two world files; ``textures`` are the files of images by material."""
     models, materials = folder / "models", f"{world.name}_materials"
     clear = {material.name for material in world.materials.values() if material.mirror > 0}
-    colours = {c.label.name: PALETTE[c.label] / 255 for c in CLASSES if c.rgb is not None}
+    keys = {int(row.label): row.key.upper() for row in world.classes.coloured}
     values = {
         "flavour": flavour,
         "version": _VERSION[flavour],
         "materials": materials,
         "textures": textures,
         "clear": clear,
-        "colours": colours,
+        "keys": keys,
+        "colours": {key: world.classes.palette[label] / 255 for label, key in keys.items()},
     }
     if flavour == "classic":
         script = render("worlds", "ogre.material.jinja", **values)
@@ -507,7 +508,7 @@ def _shared(bodies: Iterable[Body]) -> list[Body]:
 
 def _write_model(folder: Path, world: World, body: Body, values: dict[str, Any]) -> None:
     classes = sorted({part.label for part in body.parts})
-    description = f"{body.name}: {', '.join(CLASSES[label].name for label in classes)}. Made for {world.name}."
+    description = f"{body.name}: {', '.join(world.classes[label].name for label in classes)}. Made for {world.name}."
     write(folder / "model.sdf", render("worlds", "model.xml.jinja", **values, body=body, flat=False))
     config = render(
         "worlds", "model.config.xml.jinja", name=body.name, description=description, version=values["version"]

@@ -32,7 +32,7 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import OutputError
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_images, ground_tiles
@@ -172,7 +172,7 @@ class Materials:
         source = self._glb.image(name, jpeg)
         return self._glb.add("textures", {"sampler": self._samplers[1], "source": source})
 
-    def add_ground(self, name: str, label: Label, texture: int) -> int:
+    def add_ground(self, name: str, label: int, texture: int) -> int:
         """Add a material of the ground and return its index."""
         return self._add(name, label, texture, [1.0, 1.0, 1.0], roughness=1.0)
 
@@ -184,7 +184,7 @@ class Materials:
         return self._textures[name]
 
     def _add(
-        self, name: str, label: Label, texture: int, factor: list[float], *, roughness: float, translucency: float = 0.0
+        self, name: str, label: int, texture: int, factor: list[float], *, roughness: float, translucency: float = 0.0
     ) -> int:
         surface = {
             "baseColorFactor": [*factor, 1.0],
@@ -192,7 +192,7 @@ class Materials:
             "metallicFactor": 0.0,
             "roughnessFactor": roughness,
         }
-        extras = {"class_id": int(label), "class_name": CLASSES[label].name, "translucency": translucency}
+        extras = {"class_id": int(label), "class_name": self._world.classes[label].name, "translucency": translucency}
         # Double-sided, as for the ray tracer: leaves and blades are single layers.
         material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True, "extras": extras}
         return self._glb.add("materials", material)
@@ -245,7 +245,7 @@ def _description(world: World) -> dict[str, object]:
         "size_m": list(world.size),
         "origin": {"latitude_deg": latitude, "longitude_deg": longitude, "height_m": height},
         "axes": "x north, y up, z east",
-        "classes": [{"id": int(c.label), "name": c.name, "rgb": c.rgb} for c in CLASSES],
+        "classes": [{"id": int(c.label), "name": c.name, "rgb": c.rgb} for c in world.classes],
     }
 
 
@@ -347,7 +347,10 @@ class _Scene:
         labels = sorted({self._world.materials[name].label for mesh in meshes for name in mesh.materials})
         extras: dict[str, object] = {"instance_id": instance_id, "kind": kind}
         if meshes:
-            extras |= {"class_ids": [int(n) for n in labels], "class_names": [CLASSES[n].name for n in labels]}
+            extras |= {
+                "class_ids": [int(n) for n in labels],
+                "class_names": [self._world.classes[n].name for n in labels],
+            }
         return extras
 
     def _mesh(self, mesh: Mesh, step: int) -> int:

@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.interchange.surfaces import beyond_edge
@@ -49,7 +49,7 @@ class Measures:
     corners: Array  # (n, 3) corners of its convex hull [m]
     length: float  # [m] along x
     width: float  # [m] along y
-    classes: tuple[str, ...]  # the class of the largest area first
+    labels: tuple[int, ...]  # class ids, the class of the largest area first
     wood: Array  # (t, 3, 3) triangles of trunk and branches [m]
     leaf_corners: Array | None = None  # (n, 3) corners of the convex hull of its leaves [m]
     leaf_area: float = np.nan  # [m2]
@@ -70,7 +70,7 @@ def measure(mesh: Mesh, materials: Mapping[str, Material]) -> Measures:
     used = [materials[name] for name in mesh.materials]
     label = np.array([material.label for material in used], np.intp)[mesh.material]
     leafy = np.array([material.translucency > 0 for material in used])[mesh.material]
-    by_class = np.bincount(label, area, len(CLASSES))
+    by_class = np.bincount(label, area)
     present = sorted(np.unique(label), key=lambda k: -by_class[k])
     length, width, _ = np.ptp(triangles.reshape(-1, 3), axis=0)
     leaf_corners = hull_corners(triangles[leafy].reshape(-1, 3)) if leafy.any() else None
@@ -78,7 +78,7 @@ def measure(mesh: Mesh, materials: Mapping[str, Material]) -> Measures:
         corners=hull_corners(triangles.reshape(-1, 3)),
         length=float(length),
         width=float(width),
-        classes=tuple(CLASSES[k].name for k in present),
+        labels=tuple(int(k) for k in present),
         wood=triangles[label == Label.TRUNK],
         leaf_corners=leaf_corners,
         leaf_area=float(area[leafy].sum()) if leafy.any() else np.nan,
@@ -306,7 +306,7 @@ def inventory_rows(world: World, items: Sequence[Item]) -> list[tuple[Value, ...
             "kind": item.kind,
             "species": "; ".join(species),
             "scientific_name": "; ".join(filter(None, map(scientific_name, species))),
-            "classes": "; ".join(measures[item.mesh].classes),
+            "classes": "; ".join(world.classes[label].name for label in measures[item.mesh].labels),
             "latitude_deg": latitude,
             "longitude_deg": longitude,
             "ground_height_m": position[2],

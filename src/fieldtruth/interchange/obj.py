@@ -16,7 +16,7 @@ import orjson
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import GroundTile, ground_images, ground_tiles
 from fieldtruth.interchange.surfaces import (
@@ -50,7 +50,7 @@ def write(world: World, target: Path, *, beyond: bool) -> None:
     tiles = list(ground_tiles(world))
     (target / "textures").mkdir(parents=True)
     objects: dict[str, dict[str, object]] = {}
-    labels: dict[str, Label] = {}
+    labels: dict[str, int] = {}
     with (target / "scene.obj").open("wb") as stream:
         stream.write(
             f"# fieldtruth: {world.name}, seed {world.seed}; x north, y west, z up [m]\nmtllib scene.mtl\n".encode()
@@ -60,7 +60,7 @@ def write(world: World, target: Path, *, beyond: bool) -> None:
             objects[item.name] = {"instance_id": item.instance_id, "kind": item.kind}
             labels |= {surface.material: surface.label for surface in item.surfaces}
             writer.write(item)
-    materials = {name: {"class_id": int(n), "class_name": CLASSES[n].name} for name, n in labels.items()}
+    materials = {name: {"class_id": int(n), "class_name": world.classes[n].name} for name, n in labels.items()}
     text = orjson.dumps({"objects": objects, "materials": materials}, option=orjson.OPT_INDENT_2)
     (target / OBJECTS).write_bytes(text)
     _write_materials(world, tiles, list(labels), target)

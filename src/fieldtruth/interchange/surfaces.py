@@ -15,7 +15,6 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.core.classes import Label
 from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.world.model import Material, Mesh, Swarm, World
 
@@ -30,7 +29,7 @@ class Surface:
     """
 
     material: str
-    label: Label
+    label: int
     vertices: Float32Array
     normals: Float32Array
     uv: Float32Array

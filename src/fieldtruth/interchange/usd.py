@@ -27,7 +27,7 @@ import numpy as np
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
 
 from fieldtruth.core.arrays import Float32Array, Index
-from fieldtruth.core.classes import CLASSES, GROUND_ID, Label
+from fieldtruth.core.classes import GROUND_ID, Label, SemanticClass
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_images, ground_tiles
@@ -48,7 +48,7 @@ def child(path: Sdf.Path, name: str) -> Sdf.Path:
     return path.AppendChild(Tf.MakeValidIdentifier(name))
 
 
-def add_mesh(stage: Usd.Stage, path: Sdf.Path, surface: Surface, material: Sdf.Path) -> None:
+def add_mesh(stage: Usd.Stage, path: Sdf.Path, surface: Surface, material: Sdf.Path, kind: SemanticClass) -> None:
     """Add the triangles of a surface with its class, bound to a material. Both sides are visible, as to our sensors."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(surface.vertices))
@@ -64,8 +64,8 @@ def add_mesh(stage: Usd.Stage, path: Sdf.Path, surface: Surface, material: Sdf.P
     coordinates = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     coordinates.Set(Vt.Vec2fArray.FromNumpy(surface.uv))
     prim = mesh.GetPrim()
-    add_labels(prim, "class", CLASSES[surface.label].name)
-    add_number(prim, CLASS_ID, int(surface.label))
+    add_labels(prim, "class", kind.name)
+    add_number(prim, CLASS_ID, int(kind.label))
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(stage.GetPrimAtPath(material)))
 
 
@@ -259,7 +259,8 @@ def _add_prototypes(stage: Usd.Stage, world: World, meshes: Iterable[Mesh]) -> N
 
 def _add_surfaces(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh, world: World) -> None:
     for surface in mesh_surfaces(mesh, world.materials):
-        add_mesh(stage, child(path, surface.material), surface, child(_MATERIALS, surface.material))
+        kind, name = world.classes[surface.label], surface.material
+        add_mesh(stage, child(path, name), surface, child(_MATERIALS, name), kind)
 
 
 def _add_objects(stage: Usd.Stage, world: World) -> None:
@@ -305,4 +306,5 @@ def _add_ground(stage: Usd.Stage, world: World, folder: Path) -> None:
         path = child(_GROUND, tile.name)
         UsdGeom.Xform.Define(stage, path)
         for surface in tile.surfaces:
-            add_mesh(stage, child(path, surface.label.name.lower()), surface, material)
+            kind = world.classes[surface.label]
+            add_mesh(stage, child(path, kind.key), surface, material, kind)

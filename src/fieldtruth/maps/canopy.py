@@ -18,7 +18,7 @@ from scipy.ndimage import map_coordinates, maximum_filter, median_filter
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world
-from fieldtruth.maps.elevation import Elevation, Reference, read_ground_points, read_raster
+from fieldtruth.maps.elevation import Elevation, Reference, metres_of_points, read_ground_points, read_raster
 
 TALLEST: Final = 130.0
 """Height [m] that no tree reaches."""
@@ -91,9 +91,7 @@ def read_canopy_points(path: Path, origin: Origin, size: tuple[float, float], *,
         ConfigurationError: as ``read_ground_points``, or the scan does not cover the world.
     """
     ground = read_ground_points(path, origin, size, crs=crs, reference="ellipsoid")
-    vertical = next((each for each in ground.crs.sub_crs_list if each.is_vertical), None)
-    factor = vertical.axis_info[0].unit_conversion_factor if vertical is not None else 1.0
-    return canopy_model(_first_returns(path, factor), ground, origin, size)
+    return canopy_model(_first_returns(path, metres_of_points(ground.crs)), ground, origin, size)
 
 
 def _first_returns(path: Path, factor: float) -> Iterator[Array]:

@@ -202,6 +202,12 @@ def _reference(crs: Any, reference: Reference | None, geoid_height: float | None
     return geoid_height, factor, f"heights {how} above the geoid, {geoid_height:g} m above the ellipsoid"
 
 
+def metres_of_points(crs: Any) -> float:
+    """Metres per unit of the heights of laser points: the vertical unit, or where none is stated the horizontal one."""
+    vertical = next((each for each in crs.sub_crs_list if each.is_vertical), crs)
+    return float(vertical.axis_info[0].unit_conversion_factor)
+
+
 def _without_voids(path: Path, heights: Array, missing: Mask) -> Array:
     from rasterio.fill import fillnodata
 
@@ -243,18 +249,21 @@ def read_ground_points(
 
     points, system = _ground_points(path, crs)
     middle, reach = _on_the_map(system, origin), float(np.hypot(*size)) / 2.0 + 20.0
-    points = points[(np.abs(points[:, :2] - middle) <= reach).all(axis=1)]
+    metres = system.axis_info[0].unit_conversion_factor  # of a foot, where the map has feet
+    points = points[(np.abs(points[:, :2] - middle) <= reach / metres).all(axis=1)]
     if len(points) < 2:
         raise ConfigurationError(f"{path}: no ground points within {reach:.0f} m of the world's centre")
-    spacing = max(0.25, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0))
+    spacing = max(
+        0.25 / metres, float(np.ceil(8.0 * np.sqrt(2.0 * np.prod(np.ptp(points[:, :2], axis=0)) / len(points))) / 8.0)
+    )
     west, north = points[:, 0].min() - spacing / 2, points[:, 1].max() + spacing / 2
     column, row = ((points[:, 0] - west) // spacing).astype(int), ((north - points[:, 1]) // spacing).astype(int)
     shape = int(row.max()) + 1, int(column.max()) + 1
     cell, cells = row * shape[1] + column, shape[0] * shape[1]
     count = np.bincount(cell, minlength=cells).reshape(shape)
     mean = np.bincount(cell, points[:, 2], minlength=cells).reshape(shape) / np.maximum(count, 1)
-    above, factor, note = _reference(system, reference, geoid_height)
-    filled = _without_voids(path, mean * factor + above, count == 0)
+    above, _, note = _reference(system, reference, geoid_height)
+    filled = _without_voids(path, mean * metres_of_points(system) + above, count == 0)
     transform = from_origin(west, north, spacing, spacing)
     return Elevation(path, system, filled, count == 0, transform, _resolution(system, transform, shape), note)
 

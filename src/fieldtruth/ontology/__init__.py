@@ -5,8 +5,8 @@
 A map is a file with ``classes``, name and rgb by id of the ontology, and ``ids`` by the name of our class. Those of the
 package are in ``label_maps``: RELLIS-3D, RUGD, the 64 classes of GOOSE, the 9 of its challenge, and the 6 groups of
 GANav. A user's are in a folder ``label_maps`` of FIELDTRUTH_PATH, or named by an entry point of the group
-``fieldtruth.label_maps``. Sources, reasons and losses are documented in docs/labels.md; a test compares its tables with
-the files.
+``fieldtruth.label_maps``; building and fence, which came later, are void where they are missing. Sources, reasons and
+losses are documented in docs/labels.md; a test compares its tables with the files.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import read_data
@@ -34,9 +34,20 @@ class LabelMap(NamedTuple):
 
     name: str
     ids: NDArray[np.uint8]
-    """(18,) ids of the ontology by our class id; row 0 is its void class."""
+    """(20,) ids of the ontology by our class id; row 0 is its void class."""
     classes: Mapping[int, OntologyClass]
     """All classes of the ontology by id; ``ids`` uses some of them."""
+
+    @property
+    def is_own(self) -> bool:
+        """True of our own classes."""
+        return self.name == _OWN
+
+    def over(self, classes: ClassTable) -> "LabelMap":
+        """Return the map of the classes of a run; ids without a class are void."""
+        void = self.ids[0]
+        ids = [self.ids[row.label] if row.rgb is not None and row.label < len(self.ids) else void for row in classes]
+        return self._replace(ids=np.array(ids, np.uint8))
 
     def colours(self) -> NDArray[np.uint8]:
         """(256, 3) RGB by id of the ontology; black where it has no class."""
@@ -46,12 +57,13 @@ class LabelMap(NamedTuple):
         return table
 
 
-OWN: Final = LabelMap(
-    "fieldtruth",
-    np.arange(len(CLASSES), dtype=np.uint8),
-    {int(row.label): OntologyClass(row.name, row.rgb or (0, 0, 0)) for row in CLASSES},
-)
-"""Our own classes, mapped to themselves."""
+_OWN: Final = "fieldtruth"
+
+
+def own_labels(classes: ClassTable = CLASSES) -> LabelMap:
+    """Return our own classes, mapped to themselves."""
+    known = {row.label: OntologyClass(row.name, row.rgb or (0, 0, 0)) for row in (classes[0], *classes.coloured)}
+    return LabelMap(_OWN, np.arange(len(classes), dtype=np.uint8), {int(n): other for n, other in known.items()})
 
 
 def _read(name: str, given: Any) -> LabelMap:
@@ -68,14 +80,15 @@ def _read(name: str, given: Any) -> LabelMap:
     for own in data["ids"]:
         if own not in ours:
             raise ConfigurationError(f"{source}: ids: unknown class {own!r}; {suggestion(str(own), ours)}")
+    ids = dict.fromkeys((CLASSES[label].name for label in OF_MAPS), data["ids"].get("void")) | data["ids"]
     for own in ours:
-        number = data["ids"].get(own)
+        number = ids.get(own)
         if number not in classes or not 0 <= number < 256:
             allowed = ", ".join(map(str, classes))
             raise ConfigurationError(f"{source}: ids: {own} must be one of the classes {allowed}; got {number}")
-    ids = np.array([data["ids"][own] for own in ours], np.uint8)
-    ids.setflags(write=False)
-    return LabelMap(name, ids, classes)
+    by_label = np.array([ids[own] for own in ours], np.uint8)
+    by_label.setflags(write=False)
+    return LabelMap(name, by_label, classes)
 
 
 LABEL_MAPS: Final[Registry[LabelMap]] = Registry(

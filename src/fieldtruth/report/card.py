@@ -15,7 +15,7 @@ from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.messages import EARTH, fixed_transforms
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import CLASSES, NO_RETURN
+from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.core.readings import Cloud, Image, Inertial, Odometry, Reading
@@ -176,7 +176,7 @@ def data_card(
         sensors=[*sensor_lines(rig), *measured],
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
-        classes=CLASSES,
+        classes=world.classes,
         no_return=NO_RETURN,
         origin=_origin(world.origin),
         frames=_frames(rig, world.origin),

@@ -23,7 +23,6 @@ from fieldtruth.bag.geometry import Lens
 from fieldtruth.bag.messages import WHEEL_FRAMES, WORLD
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors, output_path
 from fieldtruth.core.progress import Progress, Silent, counted
@@ -79,7 +78,7 @@ class _Log:
     def everything(self, progress: Progress) -> None:
         """Log static data, then the messages in time order."""
         rr, run = self.rr, self.run
-        described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
+        described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in run.classes.coloured]
         self.recording.log("/", rr.AnnotationContext(described), static=True)
         self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         parents = dict(run.calibration.static.parents) if table.TF_STATIC in run.counts else {}

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -21,6 +22,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.files import atomic_output
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.parallel import check_memory
+from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.environment_file import files_of, is_environment_file, resolved
 from fieldtruth.experiment.fields import Frozen, configuration_error
 from fieldtruth.world.assembly import cut_at_edge
@@ -51,16 +53,18 @@ _PER_M2: Final = 1000
 """Memory [byte] for the objects on a square metre."""
 
 
-def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
+def build_world(
+    environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, progress: Progress | None = None
+) -> World:
     """Build an environment. The same name, seed and layout give the same world.
 
     ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
     corridors of the environment stay free of obstacles in every layout. ``{"beyond": False}`` ends the world at its
-    edge; what is inside stays the same.
+    edge; what is inside stays the same. ``progress`` receives the stages of a site's world.
 
     Raises:
         UnknownNameError: unknown environment.
-        ConfigurationError: a key or value that the layout does not allow.
+        ConfigurationError: a key or value that the layout does not allow, or a file that cannot be used.
         CrowdedWorldError: the layout has more objects than fit into the world.
         OutputError: its terrain needs more memory than there is.
     """
@@ -74,7 +78,9 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
         check_memory(int(needed), task, "make layout.grid larger, or layout.size smaller")
         config = config.for_size()
     with needed_libraries():
-        world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
+        build = _module(environment, "build").build
+        shown = {"progress": progress} if "progress" in signature(build).parameters else {}
+        world: World = build(seed, reserved_corridors(environment), config, **shown)
     if isinstance(config, GroundConfig):
         world = in_season(world, config.season, config.drought, config.snow_depth)
     world = replace(world, layout=layout)
@@ -159,8 +165,34 @@ def reserved_corridors(environment: str) -> list[Line]:
     return [Line.through(corners, smooth=False) for corners in corridors]
 
 
+def build_site(
+    file: Path | str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, progress: Progress | None = None
+) -> World:
+    """Build the world of a site's file, or read it from the cache. See docs/sites.md.
+
+    Args:
+        file: the YAML file that says where the site is and which maps it is made of.
+        seed: of everything that the maps do not say.
+        layout: changes to the file's keys.
+        progress: receives the stages of the work.
+
+    Raises:
+        ConfigurationError: a key, value or map that cannot be used; the text names it and what is allowed.
+        OutputError: it needs more memory than there is.
+    """
+    path = str(file)
+    if not is_environment_file(path):
+        raise ConfigurationError(f"{path}: must be the path of a site's file, which ends in .yaml")
+    return load_world(path, seed, layout, progress=progress)
+
+
 def load_world(
-    environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, cache_folder: Path | None = None
+    environment: str,
+    seed: int = 0,
+    layout: Mapping[str, Any] | None = None,
+    *,
+    cache_folder: Path | None = None,
+    progress: Progress | None = None,
 ) -> World:
     """Read a world from the cache, or build it (see ``build_world``) and store it there.
 
@@ -170,6 +202,7 @@ def load_world(
         layout: changes to the environment's configuration.
         cache_folder: by default ``core.cache.cache_folder()``. File names contain a digest of the code, the
             libraries' versions, the layout and the files that it names. A folder that cannot be written is ignored.
+        progress: as for ``build_world``.
     """
     check_layout(environment, layout)
     environment, layout = resolved(environment, layout)
@@ -179,7 +212,7 @@ def load_world(
     inputs = dict(sorted(layout.items())), *file_digests(named)
     stem = f"{environment}-{seed}" + (f"_{cache_key((), *inputs)[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
-    return load_or_make(path, read_world, lambda: build_world(environment, seed, layout), save_world)
+    return load_or_make(path, read_world, lambda: build_world(environment, seed, layout, progress=progress), save_world)
 
 
 def world_key(environment: str) -> str:

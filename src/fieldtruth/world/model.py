@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
+from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 
@@ -40,7 +40,7 @@ class Material:
     """
 
     name: str
-    label: Label
+    label: int
     texture: str
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     translucency: float = 0.0
@@ -340,7 +340,7 @@ class World:
             raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
         objects = objects_of(meshes)
         materials: dict[str, Material] = {}
-        soil = _plain(materials, Label.GROUND, GREY)
+        soil = _plain(materials, CLASSES[Label.GROUND], GREY)
         placed = [_object(name, k, parts, materials) for k, (name, parts) in enumerate(objects.items(), GROUND_ID + 1)]
         corners = np.concatenate([each.corners for parts in objects.values() for each in parts])
         side = max(2 * (float(np.abs(corners[..., :2]).max()) + (0.0 if ground is None else _AROUND)), 1.0)
@@ -356,6 +356,11 @@ class World:
             textures={"plain": np.full((1, 1, 3), 255, np.uint8)},
             object_names=(*TAKEN, *objects),
         )
+
+    @cached_property
+    def classes(self) -> ClassTable:
+        """Classes of its materials, and all that any world may have."""
+        return CLASSES.without(*OF_MAPS - {material.label for material in self.materials.values()})
 
     def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""
@@ -384,12 +389,6 @@ TAKEN: Final = ("husky", "meshes_ground")
 _AROUND: Final = 10.0
 """[m] of ground around a user's meshes."""
 _WATER_MIRROR: Final = 0.02
-_CLASSES: Final = {
-    name.replace(" ", "_").lower(): each.label
-    for each in CLASSES
-    if each.label not in {*NOT_OF_WORLDS, Label.VOID, Label.SKY}
-    for name in (each.name, each.label.name)
-}
 
 
 @dataclass(frozen=True)
@@ -414,31 +413,30 @@ class Triangles(NamedTuple):
     """Triangles of one class and colour in the world."""
 
     corners: Array  # (m, 3, 3) [m]
-    label: Label
+    kind: SemanticClass
     colour: tuple[float, float, float]
 
 
-def objects_of(meshes: Iterable[Any]) -> dict[str, list[Triangles]]:
+def objects_of(meshes: Iterable[Any], classes: ClassTable = CLASSES) -> dict[str, list[Triangles]]:
     """Return the triangles of each object by its name, in the order in which names first occur.
 
     Raises as ``World.from_meshes``.
     """
     if not isinstance(meshes, Iterable):
         raise ConfigurationError(f"meshes must be a list, got a {type(meshes).__name__}")
-    found = [each for k, item in enumerate(meshes) for each in _triangles(item, f"meshes[{k}]")]
+    found = [each for k, item in enumerate(meshes) for each in _triangles(item, f"meshes[{k}]", classes)]
     if not found:
         raise ConfigurationError("meshes must hold one mesh at least, got none")
     names = {name for name, _ in found}
     objects: dict[str, list[Triangles]] = {}
     for name, triangles in found:
-        kind = triangles.label.name.lower()
-        key = name or next(new for k in count(1) if (new := f"{kind}_{k}") not in names)
+        key = name or next(new for k in count(1) if (new := f"{triangles.kind.key}_{k}") not in names)
         names.add(key)
         objects.setdefault(key, []).append(triangles)
     return objects
 
 
-def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
+def _triangles(item: Any, where: str, classes: ClassTable) -> Iterator[tuple[str, Triangles]]:
     """Yield names, empty where a mesh has no name, and triangles of the meshes of a part."""
     part = item if isinstance(item, MeshPart) else MeshPart(item)
     colour = _numbers(part.colour, (3,), f"{where}: colour")
@@ -451,7 +449,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         here = f"{where} ({node or name})" if node or name else where
         if name in TAKEN:
             raise ConfigurationError(f"{here}: name must not be {name!r}, which the robot or the ground has")
-        label = label_of(part.label, node or name, metadata.get("label", ""), here)
+        label = label_of(part.label, node or name, metadata.get("label", ""), here, classes)
         pose = outer @ _pose(inner, here)
         corners = _corners(mesh, here) @ pose[:3, :3].T + pose[:3, 3]
         if (far := float(np.abs(corners).max())) > FARTHEST:
@@ -459,7 +457,7 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         if np.linalg.det(pose[:3, :3]) < 0:  # a mirror turns triangles inside out
             corners = corners[:, ::-1]
         red, green, blue = colour.tolist()
-        yield name, Triangles(corners, label, (red, green, blue))
+        yield name, Triangles(corners, classes[label], (red, green, blue))
 
 
 def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
@@ -475,18 +473,19 @@ def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:
         raise ConfigurationError(f"{where}: expected (vertices, faces), or a mesh or scene of trimesh, got a {kind}")
 
 
-def label_of(given: Any, node: str, own: Any, where: str) -> Label:
+def label_of(given: Any, node: str, own: Any, where: str, classes: ClassTable = CLASSES) -> int:
     """Return the class that is given for all nodes or by a pattern of their names, else the ``own`` one of a mesh."""
+    known = classes.of_objects
     if isinstance(given, Mapping):
         given = next((value for pattern, value in given.items() if fnmatchcase(node, pattern)), "")
     value = own if isinstance(given, str) and given == "" else given
-    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value in _CLASSES.values():
-        return Label(int(value))
+    if isinstance(value, int | np.integer) and not isinstance(value, bool) and value in known.values():
+        return int(value)
     if value == "":
-        raise ConfigurationError(f"{where}: label is missing; one of {', '.join(_CLASSES)}")
-    found = _CLASSES.get(str(value).strip().lower().replace(" ", "_").replace("-", "_"))
+        raise ConfigurationError(f"{where}: label is missing; one of {', '.join(known)}")
+    found = known.get(as_key(str(value)))
     if found is None:
-        raise UnknownNameError("class", str(value), nearest_first(str(value), _CLASSES), where)
+        raise UnknownNameError("class", str(value), nearest_first(str(value), known), where)
     return found
 
 
@@ -543,11 +542,11 @@ def _plane(side: float, height: float, material: str, *, visible: bool) -> Terra
     )
 
 
-def _plain(materials: dict[str, Material], label: Label, colour: tuple[float, float, float]) -> str:
+def _plain(materials: dict[str, Material], kind: SemanticClass, colour: tuple[float, float, float]) -> str:
     """Add a material of one colour, and return its name."""
-    name = " ".join([label.name.lower(), *(f"{share:g}" for share in colour)])
-    mirror = _WATER_MIRROR if label == Label.WATER else 0.0
-    materials.setdefault(name, Material(name=name, label=label, texture="plain", tint=colour, mirror=mirror))
+    name = " ".join([kind.key, *(f"{share:g}" for share in colour)])
+    mirror = _WATER_MIRROR if kind.label == Label.WATER else 0.0
+    materials.setdefault(name, Material(name=name, label=kind.label, texture="plain", tint=colour, mirror=mirror))
     return name
 
 
@@ -563,12 +562,11 @@ def _object(
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(across, axis=1, keepdims=True)
     normals = np.where(length > 0, across / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
-    own = [_plain(materials, part.label, part.colour) for part in parts]
+    own = [_plain(materials, part.kind, part.colour) for part in parts]
     names, count = tuple(dict.fromkeys(own)), 3 * len(corners)
     mesh = make_mesh(
         name, corners, np.repeat(normals, 3, axis=0), np.zeros((count, 2)), np.arange(count), names,
         np.repeat([names.index(n) for n in own], [len(part.corners) for part in parts]),
         footprint=float(np.hypot(*(high - low)[:2])) / 2,
     )  # fmt: skip
-    kind = parts[0].label.name.lower()
-    return mesh, Instance(name=name, kind=kind, mesh=name, object_id=object_id, world_from_object=pose)
+    return mesh, Instance(name=name, kind=parts[0].kind.key, mesh=name, object_id=object_id, world_from_object=pose)

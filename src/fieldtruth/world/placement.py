@@ -285,7 +285,8 @@ class WorldBuilder:
     """Materials of own objects, which are not ours by name, and their textures."""
     textures: dict[str, NDArray[np.uint8]] = dataclasses.field(default_factory=dict, init=False)
     taken: Circles = dataclasses.field(default_factory=lambda: Circles(4.0), init=False)
-    _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
+    solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
+    """Circles (x, y, radius) [m] in which nothing of a swarm grows."""
     _counts: dict[str, int] = dataclasses.field(default_factory=dict, init=False)
 
     def trail_distance(self, xy: Array) -> Array:
@@ -343,7 +344,7 @@ class WorldBuilder:
             x, y = (world_from_object @ [*collider.position, 1.0])[:2]
             length, width = collider.size[:2]
             half = length if collider.shape == "cylinder" else np.hypot(length, width) / 2
-            self._solids.append((float(x), float(y), float(half) * scale))
+            self.solids.append((float(x), float(y), float(half) * scale))
         return instance
 
     def add_upright(
@@ -475,8 +476,8 @@ class WorldBuilder:
     def off_solids(self, xy: Array, clear: float) -> Mask:
         """Mask of the positions (n, 2) that are at least ``clear`` [m] from all colliders."""
         off = np.ones(len(xy), np.bool_)
-        if len(xy) and self._solids:
-            solids = np.array(self._solids)
+        if len(xy) and self.solids:
+            solids = np.array(self.solids)
             inside = cKDTree(xy).query_ball_point(solids[:, :2], solids[:, 2] + clear)
             off[np.concatenate([np.asarray(rows, np.intp) for rows in inside])] = False
         return off

@@ -14,7 +14,6 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, suggestion
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
@@ -135,12 +134,12 @@ def _material(config: ObjectConfig, part: Part, where: str) -> tuple[Material, N
 
 
 def _named(
-    name: str, label: Label, texture: str, tint: tuple[float, float, float], gloss: float, config: ObjectConfig
+    name: str, label: int, texture: str, tint: tuple[float, float, float], gloss: float, config: ObjectConfig
 ) -> Material:
     return Material(name=name, label=label, texture=texture, tint=tint, gloss=gloss, reflectance=config.reflectance)
 
 
-def _label(given: str | Mapping[str, str], part: Part, where: str) -> Label:
+def _label(given: str | Mapping[str, str], part: Part, where: str) -> int:
     """Class of a part, by the name of its node or its material."""
     if isinstance(given, str):
         return label_of(given, part.name, "", where)

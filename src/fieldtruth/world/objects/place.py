@@ -20,12 +20,14 @@ from fieldtruth.world.objects.make import OwnObject, make_object
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
 from fieldtruth.world.plants import TREES
 
-TRIES: Final = 200
+TRIES: Final = 100
 """Positions to try for each copy that is wanted."""
 _EASES: Final = (1.0, 0.8, 0.65, 0.5)
 _SEED: Final = 4871
 _BASE: Final = 0.1
 """Share of an object's height below which corners are near its base."""
+_BARE: Final = 0.75
+"""Radius without plants of a swarm, relative to that of a circle around a square."""
 _TAKEN: Final = ("snag", "stump", "water", "bush")
 """Kinds of objects to which environments give a meaning, beside the species of trees."""
 
@@ -110,7 +112,10 @@ def _add_surfaces(builder: WorldBuilder, config: ObjectConfig, k: int) -> OwnObj
 
 def _add(builder: WorldBuilder, config: ObjectConfig, own: OwnObject, pose: Array) -> Instance:
     kind = f"own_{config.title}" if config.title in (*_TAKEN, *TREES) else config.title
-    return builder.add(kind, own.mesh, pose, [(x, y, r) for x, y, r in _placed(own, pose).tolist()])
+    circles, before = [(x, y, r) for x, y, r in _placed(own, pose).tolist()], len(builder.solids)
+    instance = builder.add(kind, own.mesh, pose, circles)
+    builder.solids[before:] = [(x, y, _BARE * r) for x, y, r in circles]  # not those around long colliders
+    return instance
 
 
 def _placed(own: OwnObject, pose: Array) -> Array:
@@ -151,7 +156,7 @@ def _allowed(builder: WorldBuilder, terrain: Terrain, rule: ScatterConfig, where
 
 def _clear_swarms(builder: WorldBuilder, added: Sequence[Instance], own: OwnObject) -> None:
     """Take the members of swarms away that grow where objects were added."""
-    circles = np.concatenate([_placed(own, each.world_from_object) for each in added])
+    circles = np.concatenate([_placed(own, each.world_from_object) for each in added]) * (1.0, 1.0, _BARE)
     builder.swarms[:] = [swarm for each in builder.swarms for swarm in _outside(each, circles)]
 
 

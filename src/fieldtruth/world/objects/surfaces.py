@@ -47,15 +47,18 @@ def made_sound(vertices: Array, faces: _Rows) -> Sound:
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-12)
     _, point = np.unique(np.rint(vertices / (_CLOSE * size)).astype(np.int64), axis=0, return_inverse=True)
     point = point.reshape(-1)
-    one, other, same_way, lonely = _neighbours(point[faces])
-    turn = _turned(vertices, faces, (one, other, same_way), lonely)
+    one, other, same_way, lonely, crowded = _neighbours(point[faces])
+    turn = _turned(vertices, faces, (one, other, same_way), lonely, crowded)
     faces = np.where(turn[:, None], faces[:, ::-1], faces)
     normals, group = _corner_normals(vertices, faces, point)
     return Sound(faces, int(turn.sum()), int(lonely.sum()), normals, group, point)
 
 
-def _neighbours(faces: _Rows) -> tuple[_Rows, _Rows, Mask, NDArray[np.int64]]:
-    """Pairs of triangles at edges of two, whether both run along it in one direction, and open edges by triangle."""
+def _neighbours(faces: _Rows) -> tuple[_Rows, _Rows, Mask, _Rows, _Rows]:
+    """Pairs of triangles at edges of two and whether both run along it in one direction; other edges by triangle.
+
+    These are open edges, of one triangle, and those of more than two, where bodies touch.
+    """
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     forward = edges[:, 0] < edges[:, 1]
     _, key, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -63,12 +66,15 @@ def _neighbours(faces: _Rows) -> tuple[_Rows, _Rows, Mask, NDArray[np.int64]]:
     order = np.argsort(key, kind="stable")
     pairs = order[(count[key] == 2)[order]].reshape(-1, 2)
     face = np.repeat(np.arange(len(faces)), 3)
-    lonely = np.bincount(face[count[key] == 1], minlength=len(faces))
-    return face[pairs[:, 0]], face[pairs[:, 1]], forward[pairs[:, 0]] == forward[pairs[:, 1]], lonely
+    lonely, crowded = (np.bincount(face[chosen], minlength=len(faces)) for chosen in (count[key] == 1, count[key] > 2))
+    return face[pairs[:, 0]], face[pairs[:, 1]], forward[pairs[:, 0]] == forward[pairs[:, 1]], lonely, crowded
 
 
-def _turned(vertices: Array, faces: _Rows, pairs: tuple[_Rows, _Rows, Mask], lonely: NDArray[np.int64]) -> Mask:
-    """Mask of the triangles (m,) to turn."""
+def _turned(vertices: Array, faces: _Rows, pairs: tuple[_Rows, _Rows, Mask], lonely: _Rows, crowded: _Rows) -> Mask:
+    """Mask of the triangles (m,) to turn.
+
+    A closed piece shows its outside, pieces that close only together do so together; in an open one most stay.
+    """
     one, other, same_way = pairs
     n = len(faces)
     rows = np.concatenate([one, one + n])
@@ -76,13 +82,15 @@ def _turned(vertices: Array, faces: _Rows, pairs: tuple[_Rows, _Rows, Mask], lon
     _, part = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * n, 2 * n)), False)
     as_is, turned = part[:n], part[n:]
     key = np.minimum(as_is, turned)  # of a piece
-    votes = np.bincount(key, np.where(as_is == key, 1.0, -1.0))
-    volume = np.bincount(
-        key, np.where(as_is == key, 1.0, -1.0) * np.linalg.det(vertices[faces] - vertices.mean(axis=0))
-    )
-    closed = np.bincount(key, lonely) == 0
-    flip = np.where(closed, volume < 0, votes < 0)[key]
-    return np.asarray((as_is != turned) & ((as_is == key) == flip))
+    sign = np.where(as_is == key, 1.0, -1.0)
+    flip = np.bincount(key, sign) < 0
+    volume = np.bincount(key, sign * np.linalg.det(vertices[faces] - vertices.mean(axis=0)))
+    has_none = np.bincount(key, lonely) == 0
+    touches = has_none & (np.bincount(key, crowded) > 0)
+    flip[touches] ^= float(volume[touches] @ np.where(flip[touches], -1.0, 1.0)) < 0
+    alone = has_none & ~touches
+    flip[alone] = volume[alone] < 0
+    return np.asarray((as_is != turned) & ((as_is == key) == flip[key]))
 
 
 def _corner_normals(vertices: Array, faces: _Rows, point: _Rows) -> tuple[Array, _Rows]:
@@ -90,7 +98,7 @@ def _corner_normals(vertices: Array, faces: _Rows, point: _Rows) -> tuple[Array,
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     across = np.cross(b - a, c - a)
     unit = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-    one, other, same_way, _ = _neighbours(point[faces])
+    one, other, same_way, *_ = _neighbours(point[faces])
     smooth = ~same_way & (np.einsum("ij,ij->i", unit[one], unit[other]) > np.cos(np.radians(CREASE_DEG)))
     one, other = one[smooth], other[smooth]
     own, theirs = point[faces[one]], point[faces[other]]

@@ -3,6 +3,7 @@
 """Meshes of USD files, by Pixar's library: polygons as triangles, and the diffuse input of UsdPreviewSurface."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,24 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.objects.content import FileContent, Look, Part, gloss_of, pixels, shares
 
 
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn the library's error, which is long, into one line."""
+    from pxr import Tf
+
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise ConfigurationError(f"{path}: cannot be read as USD") from error
+
+
 def named_files(path: Path) -> Iterator[str]:
     """Yield the layers and images of a file that are not inside it, relative to its folder where they are below it."""
     from pxr import UsdUtils
 
     folder = path.parent.resolve()
-    layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path.resolve()))
+    with _readable(path):
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path.resolve()))
     for name in (*(layer.realPath for layer in layers[1:]), *assets, *missing):
         if "[" not in name:  # in a package, such as usdz
             other = folder / name
@@ -32,12 +45,10 @@ def read_usd(path: Path) -> FileContent:
     Raises:
         ConfigurationError: the library cannot read it.
     """
-    from pxr import Tf, Usd, UsdGeom
+    from pxr import Usd, UsdGeom
 
-    try:
+    with _readable(path):
         stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise ConfigurationError(f"{path}: cannot be read as USD") from error
     notes: list[str] = []
     cache = UsdGeom.XformCache()
     parts: list[Part] = []
