@@ -25,6 +25,12 @@ WIDEST = {
     "bracken": 0.7,
     "reed": 0.045,
     "cattail": 0.04,
+    "maize": 0.14,
+    "maize_young": 0.12,
+    "maize_seedling": 0.06,
+    "marsh_marigold": 0.15,
+    "meadowsweet": 0.08,
+    "wheat_green": 0.025,
 }  # [m], else 0.02
 
 

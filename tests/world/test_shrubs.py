@@ -10,6 +10,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import BUSHES, Species, grow_bush
+from fieldtruth.world.plants.species import FINE_LEAVES
 
 WOOD, FOLIAGE, FLOWER = 0, 1, 2
 every_species = pytest.mark.parametrize("species", BUSHES.values(), ids=str)
@@ -35,10 +36,11 @@ def test_detail_scales_the_leaves_and_keeps_the_leaf_area(species: Species) -> N
     assert 8_000 < len(full.faces) < 42_000
     for mesh, detail in ((half, 0.5), (quarter, 0.25)):
         leaves = [np.count_nonzero(m.material != WOOD) for m in (mesh, full)]
-        assert leaves[0] / leaves[1] == pytest.approx(detail, rel=0.15)
+        simpler = 0.5 if species.grown.leaf.rounded and detail <= FINE_LEAVES else 1.0  # two triangles instead of four
+        assert leaves[0] / leaves[1] == pytest.approx(simpler * detail, rel=0.15)
         assert leaf_area(mesh) == pytest.approx(leaf_area(full), rel=0.3)
         assert mesh.footprint == pytest.approx(full.footprint, rel=0.25)
-    assert 3_000 < len(quarter.faces) < 16_000
+    assert 3_000 * simpler < len(quarter.faces) < 16_000
 
 
 @every_species
@@ -62,11 +64,14 @@ def test_mesh_is_valid_rooted_and_of_the_requested_height(species: Species, deta
 
 
 @every_species
-def test_foliage_reaches_the_ground_and_stays_above_it(species: Species) -> None:
+def test_foliage_begins_at_the_clear_height(species: Species) -> None:
+    """Which is nearly at the ground but for trained plants."""
     mesh = grow(species, detail=0.5)
     leaves = mesh.vertices[np.unique(mesh.faces[mesh.material != WOOD]), 2]
-    assert leaves.min() > 0
-    assert leaves.min() < 0.2 * species.grown.height
+    clear = species.grown.clear
+    assert clear < 0.06 or species.name == "vine"
+    assert 0 < leaves.min() < clear + 0.2 * species.grown.height
+    assert leaves.min() > clear - 1e-6
 
 
 @every_species

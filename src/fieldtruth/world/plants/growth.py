@@ -202,13 +202,16 @@ def spread_along(
 def sideways(
     tangent: Array, parent: Index, rank: Index, divergence: float, spread: float, rng: np.random.Generator
 ) -> Array:
-    """Unit vectors (m, 3) across the ``tangent``, ``divergence`` [deg] per rank; 180: in a horizontal plane."""
+    """Unit vectors (m, 3) across the ``tangent``, ``divergence`` [deg] per rank; 180: in a horizontal plane.
+
+    Without ``spread`` [deg] shoots of an upright stem lie along x, as if tied to a wire.
+    """
     across = np.cross(tangent, [0.0, 0.0, 1.0])
-    across[:, 0] += 1e-6  # a vertical stem: any direction across it
+    across[:, 0] += 1e-6 if spread else 1.0  # a vertical stem: any direction across it
     across = unit(across)
     over = np.cross(across, tangent)
     stems = int(parent.max()) + 1 if len(parent) else 0
-    first = rng.normal(0, 0.3, stems) if divergence == 180 else rng.uniform(0, 2 * np.pi, stems)
+    first = rng.normal(0, 0.3 if spread else 0.0, stems) if divergence == 180 else rng.uniform(0, 2 * np.pi, stems)
     turn = first[parent] + np.radians(divergence * rank + rng.normal(0, spread, len(rank)))
     return np.asarray(np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * over)
 

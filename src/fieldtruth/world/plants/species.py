@@ -159,6 +159,7 @@ class Species:
     upper_from: float = 0.5  # of the height
     bloom: str | None = None  # material of the flowers; None: not in bloom
     bloom_share: float = 0.1  # of the leaves that are flowers
+    hidden_twigs: Annotated[float, Field(ge=0, le=1)] = 0.6  # that show for each leaf that is gone; 0: pruned ones
     grown: Habit
     young: Habit | None = None
     young_below: float = 6.5  # [m] height below which the young habit applies

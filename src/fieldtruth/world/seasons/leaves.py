@@ -34,8 +34,6 @@ from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import Surface, gathered, unit
 from fieldtruth.world.seasons import Change, changes, tinted
 
-PER_LEAF: Final = 0.6
-"""Twigs per leaf of a mesh; leaves of meshes with less detail stand for several."""
 MOST_TWIGS: Final = 20_000
 """Twigs of a mesh."""
 COLOUR: Final = (0.105, 0.076, 0.058)
@@ -50,18 +48,21 @@ REACH: Final = (0.6, 1.8)
 """Least and greatest length of a twig that starts beside its leaf, relative to the leaf."""
 
 
-def hidden_twigs(wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.random.Generator) -> Surface:
+def hidden_twigs(
+    wood: Array, leaves: Array, leaf: float, gone: Mask, rng: np.random.Generator, per_leaf: float
+) -> Surface:
     """Vertices, normals, uv and faces of pointed three-sided twigs to leaves that are ``gone``.
 
     ``wood`` (f, 3, 3) [m] are the triangles of the drawn stems, ``leaves`` (n, 3) [m] positions of leaves of a length
-    ``leaf`` [m]. Numbers are drawn for all leaves, so that a twig is the same in each season.
+    ``leaf`` [m], ``per_leaf`` for each; leaves of meshes with less detail stand for several. Numbers are drawn for all
+    leaves, so that a twig is the same in each season.
     """
     chance, length, bow = (
         rng.random(len(leaves)),
         leaf * rng.uniform(*REACH, len(leaves)),
         rng.normal(0, 1, leaves.shape),
     )
-    share = min(PER_LEAF, MOST_TWIGS / max(len(leaves), 1))
+    share = min(per_leaf, MOST_TWIGS / max(len(leaves), 1))
     rows = np.flatnonzero(gone & (chance < share))
     if not len(rows) or not len(wood):
         return _needles(np.zeros((0, 3)), np.zeros((0, 3)), THIN)
@@ -215,7 +216,7 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         wood |= summer.material == summer.materials.index(species.upper_wood)
     blades = summer.vertices[summer.faces[first]]
     length = float(np.median(np.linalg.norm(blades[:, :1] - blades, axis=2).max(axis=1)))
-    twigs = hidden_twigs(summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng)
+    twigs = hidden_twigs(summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs)
     grown = make_mesh("twigs", *twigs, (twigs_of(species),))
     return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
 
