@@ -62,6 +62,14 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
+    }
+    | {
+        name: Environment(description, f"{__name__}.layered")
+        for name, description in (
+            ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
+            ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
+            ("wet_meadow", "wet meadow: ditches with reeds, drains, pools, soft ground, rushes, willows, a track"),
+        )
     },
 )
 

@@ -216,7 +216,9 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         wood |= summer.material == summer.materials.index(species.upper_wood)
     blades = summer.vertices[summer.faces[first]]
     length = float(np.median(np.linalg.norm(blades[:, :1] - blades, axis=2).max(axis=1)))
-    twigs = hidden_twigs(summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs)
+    twigs = hidden_twigs(
+        summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs
+    )
     grown = make_mesh("twigs", *twigs, (twigs_of(species),))
     return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
 

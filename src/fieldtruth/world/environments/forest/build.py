@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.layout import HILLS, hills_spacing
 from fieldtruth.world.fallen import lay_log
@@ -360,23 +360,6 @@ FAR_TREES: Final = 12.0
 """Distance [m] from the edge within which single trees stand; behind them the canopy closes the view."""
 
 
-def canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
-    """Level ground below the trees, then a step of 14 m up to the canopy, over hills that rise to the horizon."""
-    hills = rolling_hills(size, rng, height=16.0)
-    waves = [
-        (*rng.normal(0.0, 0.5 / length, 2), rng.uniform(0, 6.3), 0.16 * length**0.7)
-        for length in rng.uniform(2.0, 14.0, 24)
-    ]
-
-    def land(x: Array, y: Array) -> Array:
-        outside = distance_beyond(size, x, y)
-        bumps = sum(height * np.cos(6.3 * (kx * x + ky * y) + phase) for kx, ky, phase, height in waves)
-        roof = 13.0 + 0.25 * np.minimum(outside - FAR_TREES, 40.0) + bumps
-        return np.asarray(hills(x, y) + np.where(outside > FAR_TREES + 1.0, roof, 0.0))
-
-    return land
-
-
 def scatter_far_trees(
     builder: WorldBuilder, config: Config, backdrop: Mesh, growth: np.random.Generator, rng: np.random.Generator
 ) -> list[FarSwarm]:
@@ -411,7 +394,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     glades = make_glades(config.size, herbs)
     plant_herbs(builder, config, glades, herbs)
     plant_understorey(builder, config, glades, np.random.default_rng(seeds[11]))
-    hills = canopy(config.size, land)
+    hills = canopy(config.size, land, behind=FAR_TREES)
 
     def behind_trees(x: Array, y: Array, _slope: Array) -> Index:
         return (distance_beyond(config.size, x, y) > FAR_TREES - 1.0).astype(np.intp)

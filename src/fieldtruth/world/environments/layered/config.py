@@ -121,12 +121,21 @@ class TrailSurface(Frozen):
     border_width: Distance = 0.2  # [m] inwards from the edge
 
 
+class Canopy(Frozen):
+    """A closed forest beyond the edge: from afar its crowns are one surface."""
+
+    height: Positive  # [m]
+    behind: Positive  # [m] from the edge; single trees stand up to there
+    material: str = "canopy"
+
+
 class Beyond(Frozen):
     """The land beyond the world's edge."""
 
     material: str = "meadow"
     hills: Distance = 9.0  # [m] at the horizon
     land: Rule = Field(default=Expression("0"))  # height [m] that is added to them, of x and y
+    canopy: Canopy | None = None
     swarms: Mapping[str, Plants] = {}
 
 
@@ -176,7 +185,7 @@ class Description(Frozen):
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
-        yield "beyond", (self.beyond.material,)
+        yield "beyond", (self.beyond.material, *([self.beyond.canopy.material] if self.beyond.canopy else []))
 
     def _rules(self) -> Iterator[tuple[str, Expression]]:
         yield from ((f"ground.{key}", rule) for key, rule in self.ground.items())
