@@ -33,12 +33,14 @@ from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
+from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.plants import TREES
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
 RIG = (ROOT / "docs/rig.md").read_text(encoding="utf-8")
+OBJECTS = (ROOT / "docs/objects.md").read_text(encoding="utf-8")
 PLACES = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
@@ -154,6 +156,25 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
         ), key
         assert allowed == condition_at(config, (key,)), key
         assert meaning, key
+
+
+@pytest.mark.parametrize(("heading", "model"), [("Keys", ObjectConfig), ("Scatter", ScatterConfig)])
+def test_every_key_of_an_own_object_is_described(heading: str, model: type[BaseModel]) -> None:
+    described = {cells[0].strip("`"): cells for cells in table_rows(section(OBJECTS, heading)) if cells[0][0] == "`"}
+    assert list(described) == list(model.model_fields)
+    for key, (_, default, allowed, meaning) in described.items():
+        info = model.model_fields[key]
+        if not info.is_required():
+            plain = list(info.default) if isinstance(info.default, tuple) else info.default
+            assert yaml.safe_load(default.strip("`")) == plain, key
+        assert allowed == condition_at(model, (key,)), key
+        assert meaning, key
+
+
+def test_the_example_of_own_objects_is_an_experiment() -> None:
+    text, *_ = re.findall(r"```yaml\n(.*?)```", OBJECTS, flags=re.S)
+    experiment = parse_experiment(text)
+    layout_model(experiment.environment).model_validate(experiment.layout)
 
 
 def test_the_example_of_a_layout_is_an_experiment() -> None:

@@ -32,8 +32,8 @@ PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name
 
 
 def test_every_piece_is_measured() -> None:
-    """Here, or in ``test_power_line``."""
-    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1"}
+    """Here, in ``test_power_line``, or in ``test_site_objects``."""
+    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1", "bollard"}
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
@@ -44,6 +45,7 @@ X, Y, A = FIELDS.values()
         ("hypot(x, y)", np.hypot(X, Y)),
         ("rows(4)", [1.0, 0.0, 2.0, 0.5]),
         ("rows(4, 90)", [1.0, 0.0, 2.0, 1.0]),
+        ("rows(4, 0, 1)", [0.0, 1.0, 1.0, 0.5]),
     ],
 )
 def test_an_expression_has_the_values_of_arithmetic(text: str, expected: object) -> None:
@@ -234,3 +236,24 @@ def test_a_mistake_in_a_file_is_one_line(old: str, new: str, message: str, tmp_p
         pass
     assert str(path) in str(report.value)
     assert "\n" not in str(report.value)
+
+
+def test_puddles_are_hollows_with_water_of_their_own(tmp_path: Path) -> None:
+    text = TEXT.replace(
+        "water: {level: -0.4}", "puddles: {count: 3, where: y < -1, radius: [0.6, 0.9], depth: [0.1, 0.1]}"
+    )
+    with environment(tmp_path / "wet.yaml", text) as name:
+        world = build_world(name, 3)
+    sheets = of_kind(world, "water")
+    assert len(sheets) == 3
+    for sheet in sheets:
+        level = sheet.world_from_object[2, 3]
+        mesh = world.meshes[sheet.mesh]
+        centre, rim = mesh.vertices[0, :2].astype(float), mesh.vertices[1:, :2].astype(float)
+        assert world.materials[mesh.materials[0]].label == Label.WATER
+        assert centre[1] < -1
+        assert world.water_at(*centre) == pytest.approx(level)
+        # 10 cm deep, but for what the slope of 5 % takes; its edge is below the ground all round.
+        assert level - world.terrain.field.height_at(*centre) == pytest.approx(0.1, abs=0.06)
+        assert (world.terrain.field.height_at(*rim.T) > level).mean() > 0.9
+    assert (world.water_at(*np.array([[11.0, 7.0], [0.0, 6.0]]).T) < -100).all()

@@ -208,6 +208,7 @@ def test_a_missing_texture_is_named(tmp_path: Path) -> None:
     [image] = tmp_path.glob("*.png")
     image.unlink()
     assert f"{image.name!r}, which it names, is missing" in refusal(tmp_path / "drum.obj")
+    assert len(made(entry(tmp_path / "drum.obj", material="turf_dry")).mesh.faces) == 4 * SIDES
     assert "no such file" in refusal(tmp_path / "other.obj")
 
 

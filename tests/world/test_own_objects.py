@@ -312,7 +312,7 @@ def test_a_changed_texture_makes_another_world(tmp_path: Path, monkeypatch: pyte
     [image] = tmp_path.glob("*.png")
     built = list[int]()
 
-    def build(*_: object) -> World:
+    def build(*_: object, **__: object) -> World:
         built.append(1)
         return plain([])
 

@@ -22,7 +22,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import Chosen, is_environment_file
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
-from fieldtruth.experiment.names import EXPERIMENTS
+from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 from fieldtruth.experiment.rig import MODELS
 from fieldtruth.experiment.sensor_config import known_extras, known_switches, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
@@ -30,7 +30,9 @@ from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.world.build import check_experiment, check_layout
 
 ALL: Final = "all"
-"""Name of the campaign of the built-in experiments."""
+"""Name of the campaign of the paper's experiments and of added ones."""
+EVERY: Final = "every"
+"""Name of the campaign of every experiment."""
 CAMPAIGN: Final = "campaign.yaml"
 """The effective campaign in the folder of its runs."""
 HEADER: Final = """\
@@ -42,8 +44,8 @@ _OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model
 
 
 def is_campaign(name_or_path: str) -> bool:
-    """Return whether this is the campaign "all", or a YAML file with a key that only campaigns have."""
-    if name_or_path == ALL:
+    """Return whether this is the campaign "all" or "every", or a YAML file with a key that only campaigns have."""
+    if name_or_path in (ALL, EVERY):
         return True
     path = Path(name_or_path)
     if name_or_path in EXPERIMENTS or not path.is_file():
@@ -55,7 +57,7 @@ def is_campaign(name_or_path: str) -> bool:
 
 
 def load_campaign(name_or_path: str | Path) -> Campaign:
-    """Load a campaign from a YAML file, or the built-in one named ``all``.
+    """Load a campaign from a YAML file, or a built-in one, ``all`` or ``every``.
 
     Paths of experiments, environments, track files and URDFs may be relative to the file.
 
@@ -63,9 +65,11 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed.
         UnknownNameError: an unknown experiment.
     """
-    if str(name_or_path) == ALL:
-        experiments = tuple(load_experiment(name) for name in EXPERIMENTS)
-        return Campaign(name=ALL, description="the built-in experiments", experiments=experiments)
+    if str(name_or_path) in (ALL, EVERY):
+        every = str(name_or_path) == EVERY
+        experiments = tuple(load_experiment(name) for name in campaign_experiments(every=every))
+        text = f"the built-in experiments{' of every environment' if every else ''}"
+        return Campaign(name=str(name_or_path), description=text, experiments=experiments)
     path = Path(name_or_path)
     data = parse_mapping(read_text(path), str(path))
     check_version(data.pop(VERSION_KEY, None), str(path))

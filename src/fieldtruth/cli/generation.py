@@ -266,11 +266,13 @@ def _preview(options: argparse.Namespace) -> None:
 
 def _shares(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import with_overrides
-    from fieldtruth.experiment.names import EXPERIMENTS
+    from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 
     if not options.experiments:
-        raise UsageError(f"give experiments, or all. Available: {', '.join(EXPERIMENTS)}")
-    names = list(EXPERIMENTS) if options.experiments == ["all"] else options.experiments
+        raise UsageError(f"give experiments, all or every. Available: {', '.join(EXPERIMENTS)}")
+    names = options.experiments
+    if names in (["all"], ["every"]):
+        names = campaign_experiments(every=names == ["every"])
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.report.shares import shares_of, shares_table
 

@@ -36,6 +36,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
         ending: of files, whose names without it are the names; empty for folders.
         read: makes an entry of its name and the file, or of what the entry point names.
         builtin: those of the package, or the folder in which their files are.
+        last: says of a name in that folder if it follows the others.
     """
 
     def __init__(
@@ -45,11 +46,13 @@ class Registry(MutableMapping[str, T], Generic[T]):
         ending: str,
         read: Callable[[str, Any], T],
         builtin: Mapping[str, T] | Path,
+        last: Callable[[str], bool] = lambda _: False,
     ) -> None:
         self.kind = kind
         self._folder, self._ending, self._read = folder, ending, read
         self._own = {} if isinstance(builtin, Path) else dict(builtin)
-        self._files = _entries(builtin, ending) if isinstance(builtin, Path) else {}
+        files = _entries(builtin, ending) if isinstance(builtin, Path) else {}
+        self._files = dict(sorted(files.items(), key=lambda item: last(item[0])))
         self._made: dict[Source, T] = {}
 
     def __getitem__(self, name: str) -> T:

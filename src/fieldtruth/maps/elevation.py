@@ -132,8 +132,8 @@ def read_raster(
 
     try:
         with rasterio.open(path) as dataset:
-            system = _crs(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
-            low, high = _covered(path, dataset, system, origin, size)
+            system = crs_of(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
+            low, high = covered(path, dataset, system, origin, size)
             if (cells := np.prod(high - low)) > MOST_CELLS:
                 raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
@@ -147,7 +147,7 @@ def read_raster(
     return Elevation(path, system, filled, missing, transform, _resolution(system, transform, filled.shape), note)
 
 
-def _covered(
+def covered(
     path: Path, dataset: "DatasetReader", crs: Any, origin: Origin, size: tuple[float, float]
 ) -> tuple[Array, Array]:
     """First row and column, and those after the last, of the cells that a world covers, with ``MARGIN``."""
@@ -166,7 +166,8 @@ def _covered(
     return np.maximum(low, 0).astype(int), np.minimum(high, shape).astype(int)
 
 
-def _crs(path: Path, given: str | None, found: str | None) -> Any:
+def crs_of(path: Path, given: str | None, found: str | None) -> Any:
+    """Coordinate reference system that is given, else that of the file; raises ConfigurationError without one."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -283,7 +284,7 @@ def _ground_points(path: Path, crs: str | None) -> tuple[Array, Any]:
                 chunks.append(np.stack([ground.x, ground.y, ground.z], axis=-1))
     except (laspy.errors.LaspyException, OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
-    system = _crs(path, crs, found.to_wkt() if found is not None else None)
+    system = crs_of(path, crs, found.to_wkt() if found is not None else None)
     if not system.is_projected:
         raise ConfigurationError(f"{path}: {system.name} has degrees; laser points need a projected one, in metres")
     if not sum(map(len, chunks)):

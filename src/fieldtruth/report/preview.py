@@ -3,7 +3,7 @@
 """A sheet about an environment: aerial view with routes, camera images with labels, labelled cloud, class shares."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, PALETTE, SemanticClass
+from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import metres_from_route
+from fieldtruth.experiment.environment_file import resolved
 from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.bake import bake
@@ -43,7 +45,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld, standing
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.world.build import load_world
-from fieldtruth.world.environments import list_environments
+from fieldtruth.world.environments import FROM_FILES, list_environments
 from fieldtruth.world.model import World
 
 WIDTH: Final = 2400
@@ -124,6 +126,8 @@ class SheetContent:
     """The first view of the rig, that of ``views``; None for a rig without images."""
     views: tuple[View, ...]
     cloud: Cloud
+    inputs: NDArray[np.uint8] | None = None
+    """The maps of a site, in the pixels of the aerial view."""
 
 
 def collect_content(
@@ -349,7 +353,8 @@ _OUTSIDE: Final = 2.0  # percent of the points that may be beyond each edge of t
 def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     """Draw the sheet ``pixels`` wide, (h, w, 3)."""
     high, wide = content.aerial.photo.shape[:2]
-    aerial = _INNER * high / wide
+    width = _INNER if content.inputs is None else (_INNER - _GAP) / 2
+    aerial = width * high / wide
     column = (_INNER - 3 * _GAP) / 4
     view_height = column * 9 / 16
     views_top = _MAP_TOP + aerial + _HEADING
@@ -357,7 +362,11 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     paper = Paper(_SHEET, cloud_top + _CLOUD[1] + _EDGE, pixels)
     _write_title(paper, content.world)
     paper.heading(_EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
-    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content)
+    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, width, aerial), content)
+    if content.inputs is not None:
+        right = _EDGE + width + _GAP
+        paper.heading(right, _MAP_TOP, "Maps", "relief, areas, lines and trees as they were read")
+        paper.image_at(content.inputs, right, _MAP_TOP, width, aerial)
     paper.heading(_EDGE, views_top, "Camera views", _views_caption(content))
     for number, view in enumerate(content.views, 1):
         left, photo = _EDGE + (number - 1) * (column + _GAP), view.photo
@@ -372,7 +381,9 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
 
 
 def _write_title(paper: Paper, world: World) -> None:
-    name, _, rest = list_environments().get(world.name, "").partition(": ")
+    place = f"site about {world.origin.latitude:.6f}, {world.origin.longitude:.6f} (latitude, longitude)"
+    known = list_environments() if world.origin == PAPER_ORIGIN else {world.name: place}
+    name, _, rest = known.get(world.name, "").partition(": ")
     paper.text(_EDGE - 0.02, 0.6, world.name.replace("_", " ").capitalize(), 25, weight="bold")
     paper.text(_EDGE, 0.88, f"{name}: {rest}" if rest else name, 9.2, color=MUTED)
     triangles = sum(len(world.meshes[i.mesh].faces) for i in world.instances) / 1e6
@@ -457,9 +468,10 @@ def preview(
     It shows the world from above with the routes of its built-in experiments (paper, Figures 8 to 11), four camera
     images with their labels (Figures 13 to 20), a labelled cloud along the routes (Figure 12), and the class shares of
     pixels and points (Figure 21). For an environment without experiments the viewpoints are random free positions.
+    Beside the view of a site from above are its maps.
 
     Args:
-        environment: a name from ``list_environments``.
+        environment: a name from ``list_environments``, or the path of a site's file.
         seed: of the world.
         layout: changes to the environment's layout.
         width: of the sheet [pixel]; the height is about 1.3 times the width.
@@ -471,9 +483,16 @@ def preview(
     """
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
+    environment, layout = resolved(environment, layout)
     with progress.stage("build the world"):
         world = load_world(environment, seed, layout)
     content = collect_content(world, aerial_width=width, workers=workers, progress=progress)
+    if environment in FROM_FILES:
+        from fieldtruth.report.site_map import draw_inputs
+        from fieldtruth.world.environments.site.inputs import inputs_of
+
+        with progress.stage("draw the maps"):
+            content = replace(content, inputs=draw_inputs(*inputs_of(layout), content.aerial))
     with progress.stage("lay out the sheet"):
         return draw_sheet(content, width)
 

@@ -215,8 +215,9 @@ def _covers(name: str, entry: Entry, source: str) -> tuple[Cover, ...]:
     for item in (item for cover in covers for item in cover.items):
         if item.shape not in SHAPES:
             raise ConfigurationError(f"{source}: unknown shape {item.shape!r}; {suggestion(item.shape, SHAPES)}")
-        if not {f"litter_{item.material}", f"trail_{item.material}"} & set(MATERIALS):
-            raise ConfigurationError(f"{source}: no material litter_{item.material} or trail_{item.material}")
+        for material in (f"litter_{item.material}", f"trail_{item.material}"):
+            if material not in MATERIALS:
+                raise ConfigurationError(f"{source}: no material {material}")
     return covers
 
 
@@ -233,10 +234,12 @@ def scatter_litter(
     ground = [MATERIALS[name].ground_type for name in terrain.ground_materials]
     trail = MATERIALS[terrain.trail_material].ground_type if builder.trails and terrain.trail_material else ""
     found: dict[bool, list[tuple[list[Mesh], Array]]] = {False: [], True: []}
-    for name in dict.fromkeys([*ground, trail]):
+    for name, on_trail in [*((each, False) for each in dict.fromkeys(ground)), (trail, True)]:
         for row, cover in enumerate(LITTER_BY_GROUND.get(name, ())):
-            on_trail = name == trail
-            meshes = [_patch(f"{name}_{row}_{k}", cover, rng, on_trail=on_trail) for k in range(VARIANTS)]
+            meshes = [
+                _patch(f"{name}_{row}_{k}{'_on_trail' * (on_trail and trail in ground)}", cover, rng, on_trail=on_trail)
+                for k in range(VARIANTS)
+            ]
             share = np.array([each == name for each in ground], np.float64)
             xy = _positions(builder, terrain, cover, None if on_trail else share, amount, rng)
             found[on_trail].append((meshes, _poses(terrain, xy, cover.radius, rng)))

@@ -95,8 +95,8 @@ class Planting:
 
 
 LAYERED: Final = (
-    "description", "sources", "size", "fields", "lines", "trails", "trail_width", "trail", "relief", "water", "ground",
-    "objects", "plants", "litter_amount", "beyond",
+    "description", "sources", "size", "season", "fields", "lines", "trails", "trail_width", "trail", "relief", "water",
+    "puddles", "ground", "objects", "plants", "litter_amount", "beyond",
 )  # fmt: skip
 """Keys of the files of environments of layers, beside those of ``Planting``."""
 

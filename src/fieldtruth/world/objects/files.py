@@ -33,24 +33,26 @@ _COMPRESSED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "
 
 
 def with_named(path: Path) -> list[Path]:
-    """Return a file and, if it is one of meshes, all files that it names.
+    """Return a file and, if it is one of meshes, all files that it names and that are there.
 
     Raises:
-        ConfigurationError: one is missing, too large, or not in the folder of the first.
+        ConfigurationError: it is missing or too large, or one is not in its folder.
     """
     if not path.is_file():
         raise ConfigurationError(f"{path}: there is no such file")
     if path.stat().st_size > MOST_BYTES:
         raise ConfigurationError(f"{path}: must have at most {MOST_BYTES >> 30} GiB")
-    folder, found = path.parent.resolve(), [path]
+    others = [(path.parent / unquote(name)) for name in _inside(path)]
+    return [path, *(other for other in others if other.is_file())]
+
+
+def _inside(path: Path) -> Iterator[str]:
+    """Yield the files that a file names; raises ConfigurationError for one that is not in its folder or below."""
+    folder = path.parent.resolve()
     for name in _named(path):
-        other = (folder / unquote(name)).resolve()
-        if "://" in name or not other.is_relative_to(folder):
+        if "://" in name or not (folder / unquote(name)).resolve().is_relative_to(folder):
             raise ConfigurationError(f"{path}: names {name!r}, which must be a file in its folder or below")
-        if not other.is_file():
-            raise ConfigurationError(f"{path}: {name!r}, which it names, is missing")
-        found.append(other)
-    return found
+        yield name
 
 
 def _named(path: Path) -> Iterator[str]:
@@ -109,14 +111,17 @@ def _gltf(path: Path) -> dict[str, Any]:
     return document
 
 
-def read_file(path: Path) -> FileContent:
-    """Read the triangles of a file.
+def read_file(path: Path, *, looks: bool = True) -> FileContent:
+    """Read the triangles of a file; without ``looks``, what these need may be missing.
 
     Raises:
         ModuleNotFoundError: the library that reads it is not installed.
         ConfigurationError: a file that cannot be read, has no triangles or too many, or names one that is not allowed.
     """
     with_named(path)
+    missing = next((name for name in _inside(path) if not (path.parent / unquote(name)).is_file()), None)
+    if missing is not None and looks:
+        raise ConfigurationError(f"{path}: {missing!r}, which it names, is missing; or choose a material of ours")
     content = read_usd(path) if path.suffix.lower().startswith(".usd") else _read_trimesh(path)
     count = sum(len(part.faces) for part in content.parts)
     if count == 0:

@@ -57,7 +57,7 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
         ConfigurationError: a file that cannot be used, an unknown class or material.
     """
     where = f"{where} ({config.file})"
-    content = read_file(config.path)
+    content = read_file(config.path, looks=config.material == "")
     parts, notes = _in_our_frame(content, config, where), list(content.notes)
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])

@@ -15,6 +15,7 @@ from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, roll
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.placing import place_objects, scatter_plants, specified
+from fieldtruth.world.environments.layered.puddles import Wet, add_sheets, dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -50,10 +51,18 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     description = DESCRIPTIONS[config.environment]
     fields = _fields(description, seed, corridors, config)
     fields.height = shape(fields)
+    wet = Wet(fields.height, None, [])
+    if description.water is not None:
+        fields.water = description.water.level
+    if description.puddles is not None:
+        wet = dig_puddles(fields, description.puddles, fields.height, rng_of(seed, "puddles"))
+        fields.height, fields.water = wet.heights, wet.level
     builder = make_ground(fields, config)
     stand_objects(builder, config.objects)
     if description.water is not None:
         add_water(builder, description.water.level)
+    elif wet.sheets:
+        add_sheets(builder, wet)
     place_objects(builder, fields, config)
     fields.crown = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))

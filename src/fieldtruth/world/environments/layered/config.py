@@ -30,6 +30,7 @@ from fieldtruth.world.furniture import FURNITURE
 from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.library import Entry, Library
 from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.seasons import SUMMER
 
 Rule = Annotated[Expression, PlainValidator(Expression)]
 Distance = Annotated[Number, Field(ge=0)]
@@ -38,8 +39,9 @@ FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 corridor, and to the world's edge."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
-CROWN: Final = "crown"
-"""Share to which a position is below crowns of objects; 0 before there are any."""
+LATE: Final = frozenset({"crown", "above_water"})
+"""Fields of rules only: share to which a position is below crowns of objects, 0 before there are any, and height [m] of
+the ground above the water, large where there is none."""
 
 
 class Rows(Frozen):
@@ -81,6 +83,7 @@ class Objects(Frozen):
     tilt: Share = 0.0  # share of the slope by which they lean
     sink: Distance = 0.0  # [m]
     aligned: Boolean = False  # turned along their row or line; otherwise at random
+    room: Positive = 1.0  # share of the footprint's radius that is kept free: crowns below 1 reach into each other
     stand: Boolean = False  # trees that find light between those that stand
 
     @model_validator(mode="after")
@@ -145,12 +148,23 @@ class Water(Frozen):
     level: Number  # [m]
 
 
+class Puddles(Frozen):
+    """Shallow hollows with water of their own."""
+
+    count: Annotated[Integer, Field(ge=0)]
+    where: Rule = Field(default=Expression("1"))
+    radius: tuple[Positive, Positive] = (0.5, 1.4)  # [m]
+    depth: tuple[Positive, Positive] = (0.04, 0.12)  # [m]
+    material: str = "water"
+
+
 class Description(Frozen):
     """An environment as its file describes it."""
 
     description: str
     sources: tuple[str, ...] = ()  # of the landscape's figures
     size: Size = BUILT_IN
+    season: str = SUMMER
     fields: Mapping[str, Rule] = {}
     lines: Mapping[str, Trails] = {}  # ditches, hedges, walls ...: a field of each has the distance [m]
     trails: Trails = ()
@@ -158,6 +172,7 @@ class Description(Frozen):
     trail: TrailSurface = TrailSurface()
     relief: Mapping[str, Rule] = {}  # heights [m] that are added in turn
     water: Water | None = None
+    puddles: Puddles | None = None
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
     objects: Mapping[str, Objects] = {}
     plants: Mapping[str, Plants] = {}
@@ -169,6 +184,8 @@ class Description(Frozen):
         for key, names in self._materials():
             for name in (name for name in names if name not in MATERIALS):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")
+        if self.water is not None and self.puddles is not None:
+            raise ValueError("either water or puddles is allowed")
         for key, layer in self.objects.items():
             _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
         early = FLAT | set(self.lines)
@@ -176,7 +193,7 @@ class Description(Frozen):
         for section, allowed in (("fields", early | SHAPED | set(self.fields)), ("relief", flat | SHAPED)):
             for key, rule in getattr(self, section).items():
                 _checked(f"{section}.{key}", rule, allowed, noise=True)
-        known = early | SHAPED | set(self.fields) | {CROWN}
+        known = early | SHAPED | LATE | set(self.fields)
         for key, rule in self._rules():
             _checked(key, rule, known, noise=False)
         _checked("beyond.land", self.beyond.land, {"x", "y"}, noise=False)
@@ -186,11 +203,13 @@ class Description(Frozen):
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
         yield "beyond", (self.beyond.material, *([self.beyond.canopy.material] if self.beyond.canopy else []))
+        yield "puddles", (self.puddles.material,) if self.puddles is not None else ()
 
     def _rules(self) -> Iterator[tuple[str, Expression]]:
         yield from ((f"ground.{key}", rule) for key, rule in self.ground.items())
         yield from ((f"objects.{key}.where", layer.where) for key, layer in self.objects.items())
         yield from ((f"plants.{key}.where", layer.where) for key, layer in self.plants.items())
+        yield from [("puddles.where", self.puddles.where)] if self.puddles is not None else []
 
     def _is_shaped(self, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Return True if a field follows from the relief; raises ValueError where fields follow from each other."""
@@ -242,7 +261,9 @@ DESCRIPTIONS: Final = Library("environments", _described, lambda _: ())
 def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
-    keys: dict[str, Any] = {"size": (Size, description.size), "beyond": (Boolean, True)}
+    keys: dict[str, Any] = {
+        "size": (Size, description.size), "season": (str, description.season), "beyond": (Boolean, True),
+    }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
     for key, layer in description.objects.items():

@@ -31,16 +31,16 @@ def _smooth(value: Array, low: Array, high: Array) -> Array:
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def _rows(x: Array, y: Array, spacing: Array, angle: Array | float = 0.0) -> Array:
-    """Distance [m] to the nearest of parallel lines ``spacing`` [m] apart, at ``angle`` [deg] to the x axis."""
-    across = y * np.cos(np.radians(angle)) - x * np.sin(np.radians(angle))
+def _rows(x: Array, y: Array, spacing: Array, angle: Array | float = 0.0, offset: Array | float = 0.0) -> Array:
+    """Distance [m] to the nearest of parallel lines, ``offset`` [m] to the left, at ``angle`` [deg] to the x axis."""
+    across = y * np.cos(np.radians(angle)) - x * np.sin(np.radians(angle)) - offset
     return np.asarray(np.abs((across + spacing / 2) % spacing - spacing / 2))
 
 
 FUNCTIONS: Final[Mapping[str, tuple[Callable[..., Any], int, int]]] = {
     "abs": (np.abs, 1, 1), "sqrt": (np.sqrt, 1, 1), "exp": (np.exp, 1, 1), "log": (np.log, 1, 1),
     "sin": (np.sin, 1, 1), "cos": (np.cos, 1, 1), "tanh": (np.tanh, 1, 1), "floor": (np.floor, 1, 1),
-    "hypot": (np.hypot, 2, 2), "clip": (np.clip, 3, 3), "smooth": (_smooth, 3, 3), "rows": (_rows, 1, 2),
+    "hypot": (np.hypot, 2, 2), "clip": (np.clip, 3, 3), "smooth": (_smooth, 3, 3), "rows": (_rows, 1, 3),
     "min": (lambda *values: reduce(np.minimum, values), 2, 9),
     "max": (lambda *values: reduce(np.maximum, values), 2, 9),
 }  # fmt: skip

@@ -13,10 +13,10 @@ from zlib import crc32
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.environments.layered.config import CROWN, Description
+from fieldtruth.world.environments.layered.config import Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Raster
+from fieldtruth.world.model import Raster, water_at
 from fieldtruth.world.relief import Axes
 
 FAR = 1e3
@@ -43,6 +43,8 @@ class Fields:
     height: Array | None = None
     """Height [m] at the nodes."""
     crown: Raster | None = None
+    water: float | Raster | None = None
+    """Height [m] of the water."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
 
     def at(self, rule: Expression, xy: Array, *, noise: str = "") -> Array:
@@ -89,8 +91,11 @@ class Fields:
                 along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
                 across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
-        if name == CROWN:
-            return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "crown":
+                return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "above_water":
+                above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
+                return np.asarray(np.minimum(above, FAR))
         if name in self.lines:
             return self.lines[name].distance(xy)
         rule = self.description.fields[name]

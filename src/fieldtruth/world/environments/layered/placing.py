@@ -3,6 +3,7 @@
 """Objects and plants of an environment's layers: at random positions, in rows, along lines, or as a stand of trees."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -40,6 +41,7 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         if not amount:
             continue
         meshes = config.planter.grow(layer.group, rng) if layer.group else [make_furniture(n) for n in layer.furniture]
+        meshes = [replace(mesh, footprint=layer.room * mesh.footprint) for mesh in meshes]
         own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint")}
         group = ObjectGroup(kind=layer.kind or name, meshes=meshes, count=amount if layer.count else 0, **own)
         allowed = _chance(fields, layer, rng)

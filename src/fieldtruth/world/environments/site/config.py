@@ -43,6 +43,16 @@ class TreesFile(MapFile):
     columns: Mapping[str, str] = Field(default={}, description="names of columns of the file by x, y, height, ...")
 
 
+class LandCoverFile(MapFile):
+    """Raster of classes; their numbers by the use of the land. Others say nothing."""
+
+    classes: Annotated[
+        Mapping[int, Literal["lawn", "meadow", "forest_floor", "soil", "grass", "farmland", "heath", "scrub", "wood",
+                             "orchard", "sand", "bare_rock", "scree", "wetland"]],
+        Field(description="uses of the land, such as meadow or wood, by the raster's numbers"),
+    ]  # fmt: skip
+
+
 class Config(GroundConfig):
     """Layout of a site."""
 
@@ -54,6 +64,8 @@ class Config(GroundConfig):
     elevation: ElevationFile | None = None
     trees: TreesFile | None = None
     map: MapFile | None = None  # OpenStreetMap
+    land_cover: LandCoverFile | None = None
+    photo: MapFile | None = None  # from above, of the ground's colour
     species: Mapping[str, Share] = Field(
         default={"beech": 0.4, "spruce": 0.3, "oak": 0.15, "birch": 0.15},
         description="shares by species, each from 0 up to 1",

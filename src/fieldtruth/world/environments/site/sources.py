@@ -68,6 +68,7 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
     """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
     trees = _read_trees(config, origin)
     trees += [_mapped(each) for each in features if each.kind == "tree"]
+    trees += [_planted(each, xy) for each in features for xy in _rows(each)]
     at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
     for wood in features:
         if wood.kind == "wood" and wood.closed and not inside(wood, at).any():
@@ -92,6 +93,46 @@ def _read_trees(config: Config, origin: Origin) -> list[Tree]:
     if ending in LASER:
         return list(find_trees(read_canopy_points(file.path, origin, config.size, crs=file.crs)))
     return list(find_trees(read_canopy(file.path, origin, config.size, crs=file.crs)))
+
+
+ROW: Final = 8.0
+"""Distance [m] between the trees of a row."""
+ORCHARD, FRUIT = 4.5, (3.2, 4.6)
+"""Distance [m] between the trees of an orchard, and their heights."""
+
+
+def _rows(feature: Feature) -> Array:
+    """Positions (n, 2) [m] of the trees of a row or an orchard; none of others."""
+    if feature.kind == "tree_row" and not feature.closed:
+        return along(feature.geometry, ROW)
+    return filled(feature, ORCHARD) if feature.kind == "orchard" and feature.closed else np.zeros((0, 2))
+
+
+def _planted(feature: Feature, xy: Array) -> Tree:
+    x, y = xy.tolist()
+    if feature.kind == "tree_row":
+        return Tree(x, y, feature.height, None, None, feature.tags.get("species") or feature.tags.get("leaf_type"))
+    low, high = FRUIT
+    share = (round(97.0 * x) ^ round(89.0 * y)) % 101 / 100.0
+    return Tree(x, y, low + share * (high - low), None, None, "apple" if "apple" in TREES else "oak")
+
+
+def along(line: Array, apart: float) -> Array:
+    """Points (n, 2) along a polyline, ``apart`` [m] from one to the next."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    steps = np.arange(apart / 2.0, length[-1], apart)
+    return np.stack([np.interp(steps, length, line[:, k]) for k in range(2)], axis=-1)
+
+
+def filled(area: Feature, apart: float) -> Array:
+    """Points (n, 2) of a square lattice in an area, with rows along its longest side."""
+    sides = np.roll(area.geometry, -1, axis=0) - area.geometry
+    dx, dy = sides[np.argmax(np.hypot(*sides.T))]
+    turn = np.array([[dx, dy], [-dy, dx]]) / np.hypot(dx, dy)
+    own = area.geometry @ turn.T
+    steps = [np.arange(own[:, k].min() + apart / 2.0, own[:, k].max(), apart) for k in (0, 1)]
+    lattice = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 2) @ turn
+    return np.asarray(lattice[inside(area, lattice)])
 
 
 def _mapped(feature: Feature) -> Tree:

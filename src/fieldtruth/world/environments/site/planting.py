@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plants of a site: the trees of its maps, hedges, orchards, scrub, heath and wetland, and what grows between them.
+
+A tree stands where the map has it, with its height; of some individuals of its species the one is taken whose crown is
+nearest in width for its height, so that fifty thousand trees are a few hundred meshes.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.progress import Advance
+from fieldtruth.maps.osm import Feature
+from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.environments.site.sources import Stem, along, filled
+from fieldtruth.world.environments.site.structures import Gaps
+from fieldtruth.world.environments.site.surfaces import LandUse
+from fieldtruth.world.grids import noise_map
+from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.placement import Density, SwarmSpec, WorldBuilder, jittered_grid, random_tint
+from fieldtruth.world.plants import TREES, grow_tree
+from fieldtruth.world.plants.species import GrownIn, heights_of
+
+HEIGHTS: Final = 1.3
+"""Ratio of the heights of a species' meshes, of which a tree takes the nearest."""
+SCRUB: Final = 0.35
+"""Bushes to the square metre of scrub, before those that have no room are left out."""
+HEDGE: Final = 0.75
+"""Distance [m] between the plants of a hedge, and its height where the map says nothing is twice that."""
+MOST, NEAR = 150_000, 20.0
+"""Members of a swarm, about, from which it thins out away from trails, and the distance [m] over which it does."""
+TUFTS: Final = 4.0
+"""Tufts that a clump of grass counts for; it has more, which overlap with those around it."""
+TRUNK: Final = 0.2
+"""Radius [m] of a trunk that must not stand in a building or a wall."""
+SHORE: Final = 0.05
+"""Height [m] above the water from which land plants grow."""
+
+
+class _Individual(NamedTuple):
+    """A grown tree: its height and the radius about the trunk that holds 95 % of its vertices [m]."""
+
+    mesh: Mesh
+    height: float
+    crown: float
+
+
+def plant_trees(
+    builder: WorldBuilder, stems: Sequence[Stem], config: Config, rng: np.random.Generator, advance: Advance
+) -> None:
+    """Plant the trees of the map that are within the world, on dry land; ``advance`` hears of each."""
+    half = np.array(config.size) / 2 - 0.5
+    grown: dict[tuple[str, int], list[_Individual]] = {}
+    stems = sorted(stems, key=lambda stem: -stem.height)
+    at = np.array([(stem.x, stem.y) for stem in stems]).reshape(-1, 2)
+    stands = (np.abs(at) <= half).all(axis=1) & dry(builder, at)
+    stands &= np.array([not is_taken(builder, xy, TRUNK) for xy in at], np.bool_)
+    for number, stem in enumerate(stems, 1):
+        if number % 500 == 0:
+            advance(500)
+        if not stands[number - 1]:
+            continue
+        step = round(np.log(stem.height) / np.log(HEIGHTS))
+        key = stem.species, step
+        if key not in grown:
+            grown[key] = _individuals(stem.species, HEIGHTS**step, config.individuals, rng)
+        choice = _best(grown[key], stem)
+        pose = {"yaw": float(rng.uniform(0.0, 2.0 * np.pi)), "scale": stem.height / choice.height}
+        builder.add_upright(stem.species, choice.mesh, (stem.x, stem.y), **pose, tint=random_tint(rng, 0.1))
+
+
+def _individuals(species: str, height: float, count: int, rng: np.random.Generator) -> list[_Individual]:
+    """Trees of a species and about a height [m], grown in the open and in a stand."""
+    kind, grown = TREES[species], []
+    ways: tuple[GrownIn, ...] = ("open", "stand")
+    for way in ways:
+        low, high = heights_of(kind, height, way)
+        own = min(max(height, low), high)
+        for k in range(count):
+            name = f"{species}_{way}_{height:.0f}m_{k}"
+            detail = float(np.clip(3.0 / height, 0.14, 1.0))
+            mesh = grow_tree(kind, name=name, height=own, rng=rng, detail=detail, grown_in=way)
+            crown = float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), 0.95))
+            grown.append(_Individual(mesh, float(mesh.vertices[:, 2].max()), crown))
+    return grown
+
+
+def _best(grown: Sequence[_Individual], stem: Stem) -> _Individual:
+    """The one whose crown at the height of a tree is the nearest in width; any if that is not known."""
+    if np.isnan(stem.crown):
+        return grown[abs(hash_of(stem)) % len(grown)]
+    wanted = max(stem.crown, 0.3) / stem.height
+    return min(grown, key=lambda each: abs(np.log(each.crown / each.height / wanted)))
+
+
+def hash_of(stem: Stem) -> int:
+    """A number that depends on the position of a tree, to the centimetre, and on nothing else."""
+    return round(100 * stem.x) * 73_856_093 ^ round(100 * stem.y) * 19_349_663
+
+
+def dry(builder: WorldBuilder, xy: Array) -> Mask:
+    """Mask (n,) of the positions (n, 2) [m] that are above the water."""
+    if builder.water_level is None:
+        return np.ones(len(xy), np.bool_)
+    return np.asarray(builder.field.height_at(*xy.T) > water_at(builder.water_level, *xy.T) + SHORE)
+
+
+def plant_hedges(
+    builder: WorldBuilder, features: Iterable[Feature], gaps: Gaps, config: Config, rng: np.random.Generator
+) -> None:
+    """Plant hedges along their lines or in their areas, with gaps at gates and trails."""
+    hedges = [each for each in features if each.kind == "hedge"]
+    bushes = config.planter.grow("hedge", rng) if hedges else []
+    for hedge in hedges:
+        places = filled(hedge, HEDGE) if hedge.closed else along(hedge.geometry, HEDGE)
+        height = hedge.height or 2.0 * HEDGE
+        for xy in places:
+            mesh = bushes[int(rng.integers(len(bushes)))]
+            scale = height / float(mesh.vertices[:, 2].max()) * float(rng.uniform(0.9, 1.1))
+            free = (np.abs(xy) < np.array(builder.size) / 2 - 0.5).all() and not gaps.at(xy)
+            if free and not is_taken(builder, xy, 0.2):
+                turn = float(rng.uniform(0.0, 2.0 * np.pi))
+                builder.add_upright("bush", mesh, xy, yaw=turn, scale=scale, tint=random_tint(rng, 0.08))
+
+
+def is_taken(builder: WorldBuilder, xy: Array, radius: float) -> bool:
+    """Whether something but a bush or another neighbour in a row, which may touch, stands at a position."""
+    x, y = xy.tolist()
+    return any(np.hypot(x - a, y - b) < radius + 0.4 * r for a, b, r in builder.taken.about(x, y, radius))
+
+
+def plant_scrub(builder: WorldBuilder, land: LandUse, config: Config, rng: np.random.Generator) -> None:
+    """Plant bushes in scrub, in thickets, and a few on heath."""
+    if not {"scrub", "heath"} & set(land.names):
+        return
+    bushes, thicket = config.planter.grow("bush", rng), noise_map(config.size, 9.0, rng)
+
+    def density(xy: Array) -> Array:
+        clumped = np.clip(0.6 + 0.6 * thicket(xy), 0.05, 1.0)
+        return np.asarray(clumped * (land.is_(xy, "scrub") + 0.06 * land.is_(xy, "heath")) * dry(builder, xy))
+
+    for xy in jittered_grid(np.array(config.size), SCRUB, rng, density):
+        mesh, scale = bushes[int(rng.integers(len(bushes)))], float(rng.uniform(0.6, 1.15))
+        if builder.trail_distance(xy[None])[0] > 0.3 and builder.is_free(xy, 0.55 * mesh.footprint * scale):
+            turn = float(rng.uniform(0.0, 2.0 * np.pi))
+            builder.add_upright("bush", mesh, xy, yaw=turn, scale=scale, tint=random_tint(rng, 0.1))
+
+
+def plant_herbs(builder: WorldBuilder, config: Config, land: LandUse, shade: Raster, rng: np.random.Generator) -> None:
+    """Scatter grass in the open, ferns, seedlings, bilberry and brambles below trees, heather and reeds in their areas.
+
+    Grass is mown on lawns and in orchards, and sparse on fields; it is high beside the trails of a meadow.
+    """
+    patch, thick = noise_map(config.size, 9.0, rng), noise_map(config.size, 4.0, rng)
+
+    def on_land(xy: Array) -> Mask:
+        return (builder.trail_distance(xy) > 0.1) & dry(builder, xy)
+
+    def use(xy: Array, **shares: float) -> Array:
+        """Share by the use of the land, 1 of uses that are not named."""
+        total = np.ones(len(xy))
+        for name, share in shares.items():
+            total[land.is_(xy, name)] = share
+        return total
+
+    def grass(xy: Array) -> Array:
+        open_ = 1.0 - 0.75 * shade.at(*xy.T)
+        kept = use(xy, lawn=0.0, grass=0.0, orchard=0.1, farmland=0.04, soil=0.04, heath=0.35, wood=0.5, wetland=0.5,
+                   sand=0.05, bare_rock=0.05, scree=0.05, forest_floor=0.4)  # fmt: skip
+        return np.asarray(np.clip(0.6 + 0.4 * patch(xy) + 0.2 * thick(xy), 0.1, 1.0) * open_ * kept * on_land(xy))
+
+    def below(xy: Array, centre: float, width: float) -> Array:
+        wild = use(xy, lawn=0.1, grass=0.1, orchard=0.0, farmland=0.0, soil=0.2)
+        dark = shade.at(*xy.T)
+        edge = np.clip(dark / 0.15, 0.03, 1.0)  # hardly any in the open
+        return np.asarray(np.exp(-(((dark - centre) / width) ** 2)) * edge * wild * on_land(xy))
+
+    densities: dict[str, Density] = {
+        "herbs": lambda xy: below(xy, 0.6, 0.5) * np.clip(0.5 + 0.5 * patch(xy), 0.05, 1.0),
+        "seedlings": lambda xy: (shade.at(*xy.T) > 0.3) * below(xy, 0.8, 0.5) * np.clip(thick(xy) - 0.2, 0.0, 1.0),
+        "bilberries": lambda xy: (shade.at(*xy.T) > 0.3) * below(xy, 0.9, 0.4) * np.clip(-1.5 * patch(xy), 0.0, 1.0),
+        "brambles": lambda xy: below(xy, 0.5, 0.25) * np.clip(0.5 + 0.5 * thick(xy), 0.0, 1.0),
+        "heather": lambda xy: np.clip(0.7 + 0.5 * thick(xy), 0.0, 1.0) * (land.is_(xy, "heath") & on_land(xy)),
+        "reeds": lambda xy: _wet(builder, land, xy) * np.clip(0.5 + 0.6 * patch(xy), 0.0, 1.0),
+    }
+    planter = config.planter
+    if config.grass_per_m2:
+        swarm = planter.swarm("grass", planter.grow("grass", rng), per_m2=config.grass_per_m2 / TUFTS)
+        _scatter(builder, swarm, grass, rng)
+    needs = {"heather": "heath" in land.names, "reeds": builder.water_level is not None or "wetland" in land.names}
+    for name, density in densities.items():
+        if needs.get(name, True):
+            _scatter(builder, planter.swarm(name, planter.grow(name, rng)), density, rng)
+
+
+def _scatter(builder: WorldBuilder, spec: SwarmSpec, density: Density, rng: np.random.Generator) -> None:
+    """Scatter a swarm; in a large world it is as dense as in a small one beside the trails only."""
+    share = min(1.0, MOST / (spec.per_m2 * builder.size[0] * builder.size[1]))
+
+    def thinned(xy: Array) -> Array:
+        near = np.exp(-((np.maximum(builder.trail_distance(xy), 0.0) / NEAR) ** 2))
+        return np.asarray(density(xy) * np.maximum(share, near))
+
+    builder.scatter_swarm(spec, rng, density if share == 1.0 else thinned)
+
+
+def _wet(builder: WorldBuilder, land: LandUse, xy: Array) -> Array:
+    """Share of reeds: in wetland, and in shallow water."""
+    depth = water_at(builder.water_level, *xy.T) - builder.field.height_at(*xy.T)
+    return np.asarray(np.maximum(land.is_(xy, "wetland"), (depth > 0.0) & (depth < 0.4)), np.float64)
