@@ -24,11 +24,11 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.bag.stamps import nearest
 from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.experiment.image_topics import IMAGES
-from fieldtruth.ontology import LabelMap, label_map_of
+from fieldtruth.ontology import LabelMap, label_map_of, own_labels
 
 Anchor = Literal["camera", "lidar"]
 
@@ -200,8 +200,8 @@ class RunDataset:
         needed = {ITEMS[item].reading for item in self.items if item in ITEMS}
         self._anchor = _anchor(anchor, needed)
         _check_tolerance(tolerance_s)
-        self.classes, self._ids = _ontology(label_map)
         self.run = open_run(Path(path))
+        self.classes, self._ids = _ontology(label_map, self.run.classes)
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
         chosen = {Image: self._chosen(Image, camera), Cloud: self._chosen(Cloud, lidar)}
@@ -387,11 +387,10 @@ def _check_tolerance(tolerance_s: float) -> None:
         raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, got {tolerance_s!r}")
 
 
-def _ontology(label_map: str | LabelMap | None) -> tuple[dict[int, str], Counts]:
+def _ontology(label_map: str | LabelMap | None, classes: ClassTable) -> tuple[dict[int, str], Counts]:
     """Return names of classes by output id, and output ids by our class id."""
-    if label_map is None:
-        return {int(row.label): row.name for row in CLASSES}, np.arange(len(Label))
-    chosen = label_map_of(label_map) if isinstance(label_map, str) else label_map
+    found = label_map_of(label_map) if isinstance(label_map, str) else label_map
+    chosen = own_labels(classes) if found is None else found.over(classes)
     return {number: other.name for number, other in chosen.classes.items()}, chosen.ids.astype(np.int64)
 
 
@@ -410,12 +409,13 @@ class Runs:
     """Several runs as one data set: their frames one run after the other.
 
     Raises:
-        ConfigurationError: no runs, or runs whose masks have different classes.
+        ConfigurationError: no runs, or runs in whose masks an id is of different classes.
     """
 
     def __init__(self, runs: Sequence[RunDataset]) -> None:
-        if not runs or any(run.classes != runs[0].classes for run in runs):
-            raise ConfigurationError("runs must be at least one, and all must have the same classes")
+        rows = {row for run in runs for row in run.classes.items()}
+        if not runs or len({number for number, _ in rows}) < len(rows):
+            raise ConfigurationError("runs must be at least one, and an id must be of the same class in all")
         self.runs = tuple(runs)
         self._ends = np.cumsum([len(run) for run in self.runs], dtype=np.int64)
 
@@ -427,7 +427,7 @@ class Runs:
     @property
     def classes(self) -> dict[int, str]:
         """Names of the classes by id."""
-        return self.runs[0].classes
+        return dict(sorted({row for run in self.runs for row in run.classes.items()}))
 
     def locate(self, index: SupportsIndex) -> tuple[RunDataset, int]:
         """Return the run of a frame, and its index there.

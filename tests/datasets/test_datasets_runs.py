@@ -185,7 +185,7 @@ def test_one_run_cannot_be_split(small_run: Path) -> None:
 
 def test_no_runs_or_different_classes_are_an_error(small_run: Path) -> None:
     for runs in ([], [RunDataset(small_run), RunDataset(small_run, label_map="rellis")]):
-        with pytest.raises(FieldtruthError, match="must be at least one, and all must have the same classes"):
+        with pytest.raises(FieldtruthError, match="must be at least one, and an id must be of the same class in all"):
             Runs(runs)
 
 

@@ -88,8 +88,8 @@ def test_missing_topics_are_named(bag: Path, tmp_path: Path, dropped: tuple[str,
     [
         (
             "label",
-            18,
-            r"odd\.bag: .*points at 100000000 ns: label of a point must be a class from 0 to 17, got 18",
+            20,
+            r"odd\.bag: .*points at 100000000 ns: label of a point must be a class from 0 to 19, got 20",
         ),
         ("x", None, r"must have x, y and z, got y, z, "),
     ],

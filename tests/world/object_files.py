@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World, make_mesh
@@ -72,13 +73,14 @@ def plain(
     corridors: Sequence[Line] = (),
     swarm: SwarmSpec | None = None,
     seed: int = 0,
+    origin: Origin = PAPER_ORIGIN,
 ) -> World:
     """Soil that rises by ``slope`` along x for x > 0 and is flat elsewhere, without litter."""
     x = -20 + 0.25 * np.arange(161)
     grid: dict[str, float] = {"spacing": 0.25, "x0": -20.0, "y0": -10.0}
     heights = np.repeat(slope * np.maximum(x, 0.0)[:, None], 81, axis=1).astype(np.float32)
     builder = WorldBuilder(Heightfield(heights=heights, **grid), (40.0, 20.0), trails, corridors)
-    stand_objects(builder, objects)
+    stand_objects(builder, objects, origin)
     if swarm is not None:
         builder.scatter_swarm(swarm, np.random.default_rng(3))
     nodes = np.stack(np.meshgrid(x, -10 + 0.25 * np.arange(81), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -94,4 +96,6 @@ def plain(
     corner = np.array([[0, 0, -50], [1, 0, -50], [0, 1, -50]])
     below = make_mesh("backdrop", corner, np.tile((0.0, 0.0, 1.0), (3, 1)), corner[:, :2], [[0, 1, 2]], ("soil",))
     seeds = np.random.SeedSequence(seed)
-    return assemble(builder, terrain, name="plain", seed=seed, textures=seeds, backdrop=below, objects=objects)
+    return assemble(
+        builder, terrain, name="plain", seed=seed, textures=seeds, backdrop=below, objects=objects, origin=origin
+    )

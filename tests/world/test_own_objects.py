@@ -15,18 +15,21 @@ from pydantic import ValidationError
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, RouteError
-from fieldtruth.core.geodesy import PAPER_ORIGIN
+from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import obstacle_outlines
+from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.gazebo.worlds import Part, world_bodies
 from fieldtruth.interchange.surfaces import Surface
+from fieldtruth.pipeline import generate
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.simulation.motion import _depth
+from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import check_layout, load_world, read_world, save_world
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Instance, World, make_mesh
@@ -62,13 +65,16 @@ def test_objects_stand_where_they_are_placed_and_have_names_and_ids(tmp_path: Pa
     np.testing.assert_allclose(turned, transforms.pose((-5, 1, 0), (0, 0, 90)), atol=1e-9)
 
 
-def test_places_in_degrees(tmp_path: Path) -> None:
+@pytest.mark.parametrize("origin", [PAPER_ORIGIN, Origin(-33.9, 151.2, 40.0), Origin(45.5, -122.6, 200.0)])
+def test_places_in_degrees(tmp_path: Path, origin: Origin) -> None:
+    """North and west of the origin, also in the south and west of Greenwich."""
     pyproj = pytest.importorskip("pyproj")
-    degrees = [49.90005, 8.90003]
-    world = plain([entry(barrel(tmp_path / "barrel.glb"), pose=(), degrees=[*degrees, 30.0])])
-    origin = f"+lat_0={PAPER_ORIGIN.latitude} +lon_0={PAPER_ORIGIN.longitude} +h_0=0"
-    pipeline = f"+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 {origin}"
-    east, north, _ = pyproj.Transformer.from_pipeline(pipeline).transform(*np.radians(degrees[::-1]), 0.0, radians=True)
+    degrees = [origin.latitude + 5e-5, origin.longitude - 3e-5]
+    world = plain([entry(barrel(tmp_path / "barrel.glb"), pose=(), degrees=[*degrees, 30.0])], origin=origin)
+    place = f"+lat_0={origin.latitude} +lon_0={origin.longitude} +h_0={origin.height}"
+    pipeline = f"+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 {place}"
+    point = (*np.radians(degrees[::-1]), origin.height)
+    east, north, _ = pyproj.Transformer.from_pipeline(pipeline).transform(*point, radians=True)
     np.testing.assert_allclose(positions(world, "barrel")[0, :2], (north, -east), atol=1e-3)
 
 
@@ -324,3 +330,40 @@ def test_a_changed_texture_makes_another_world(tmp_path: Path, monkeypatch: pyte
     image.write_bytes(image.read_bytes() + b"\0")
     load_world("park", 0, layout, cache_folder=tmp_path / "cache")
     assert len(built) == 2
+
+
+SITE = """
+centre: [-33.9, 151.2]
+size: [24, 16]
+grid: 0.1
+individuals: 1
+grass_per_m2: 0.5
+objects:
+  - {file: barrel.glb, label: trash_bin, degrees: [[-33.90001, 151.20003], [-33.89999, 151.20003, 30]]}
+  - {file: bales.stl, label: fence, pose: [7, 4], collider: mesh}
+  - {file: barrel.glb, name: drum, label: building, scatter: {count: 4}}
+"""
+RUN = """
+name: yard
+environment: yard.yaml
+route: {metres: {start: [-6, 0], waypoints: [[6, 0]]}}
+rig: {lidar: {columns: 128, rings: 16}, cameras: {width: 64, height: 48}}
+seconds: 1
+"""
+
+
+@pytest.mark.slow
+def test_a_run_in_a_site_with_own_objects_is_valid(tmp_path: Path) -> None:
+    """The files lie beside the site's; every point and pixel is traced again, and each object has its class only."""
+    barrel(tmp_path / "barrel.glb")
+    bales(tmp_path / "bales.stl")
+    (tmp_path / "yard.yaml").write_text(SITE)
+    (tmp_path / "run.yaml").write_text(RUN)
+    experiment = load_experiment(tmp_path / "run.yaml")
+    generate(experiment, tmp_path / "out")
+    checks = {check.name: check.passed for check in validate(tmp_path / "out" / "yard")}
+    assert False not in checks.values()
+    assert all(checks[name] for name in ("retraced clouds", "retraced images", "independent rays", "object classes"))
+    names = load_world(experiment.environment, 0, experiment.layout).object_names
+    assert names[2:5] == ("barrel_1", "barrel_2", "bales_1")
+    assert {"drum_1", "drum_4"} <= set(names)

@@ -4,7 +4,7 @@
 
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -19,7 +19,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import ORIGIN, decoder, open_bag
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.classes import CLASSES, ClassTable
 
 
 class Reading(NamedTuple):
@@ -233,14 +233,14 @@ def flow(message: Any) -> NDArray[np.float32]:
     return uv
 
 
-def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def labels(tag_image: NDArray[np.uint8], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:
     """Return the class ids (h, w) of a tag image (h, w, 3).
 
     Raises:
         BagError: a colour that no class has, with its pixel.
     """
     code = _colour_codes(tag_image)
-    found = np.take(_class_of_colour(), code)
+    found = np.take(_class_of_colour(classes), code)
     if not found.all():
         row, column = divmod(int(np.argmin(found)), tag_image.shape[1])
         colour = " ".join(map(str, tag_image[row, column]))
@@ -248,11 +248,12 @@ def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found.reshape(tag_image.shape[:-1])
 
 
-@cache
-def _class_of_colour() -> NDArray[np.uint8]:
+@lru_cache(maxsize=2)
+def _class_of_colour(classes: ClassTable) -> NDArray[np.uint8]:
     """Return the class by a colour's code; 0, which no pixel has, without one."""
     table = np.zeros(2**24, np.uint8)
-    table[PALETTE[1:].astype(np.uint32) @ np.array([1, 256, 65536], np.uint32)] = np.arange(1, len(PALETTE))
+    labels = [row.label for row in classes.coloured]
+    table[classes.palette[labels].astype(np.uint32) @ np.array([1, 256, 65536], np.uint32)] = labels
     return table
 
 

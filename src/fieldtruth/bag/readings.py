@@ -18,7 +18,7 @@ from fieldtruth.bag.reader import Storage
 from fieldtruth.bag.stamps import Stream, checked_stamp, matched
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import (
     Cloud,
@@ -60,8 +60,9 @@ class Readings:
         storage: Storage,
         *,
         labelled: bool = True,
+        classes: ClassTable = CLASSES,
     ) -> None:
-        self.source, self.parts, self.labelled = source, tuple(parts), labelled
+        self.source, self.parts, self.labelled, self.classes = source, tuple(parts), labelled, classes
         self._streams = dict(zip(parts, streams if len(streams) == 1 else matched(streams), strict=True))
         self._storage = storage
         self.stamps_ns: Counts = next(iter(self._streams.values())).stamps_ns
@@ -128,7 +129,9 @@ class Readings:
         try:
             with read_errors(self._storage.path):
                 if self.source.type is Cloud:
-                    return cloud_of(first, common, labelled=self.labelled)
+                    return cloud_of(first, common, labelled=self.labelled, classes=self.classes)
+                if self.source.type is Image:
+                    return image_of(messages, common, self.classes)
                 return _MADE[self.source.type](messages, common)
         except BagError as error:
             topics = [self.source.topics[part] for part in found]
@@ -157,7 +160,9 @@ def series(readings: Sequence[Any]) -> Any:
 # Readings from messages
 
 
-def cloud_of(message: Any, common: Mapping[str, Any] | None = None, *, labelled: bool = True) -> Cloud:
+def cloud_of(
+    message: Any, common: Mapping[str, Any] | None = None, *, labelled: bool = True, classes: ClassTable = CLASSES
+) -> Cloud:
     """Return the points with finite coordinates of a sensor_msgs/PointCloud2.
 
     Without a field ``label`` the intensity is the class, as in the paper. If not ``labelled``, all are void.
@@ -171,7 +176,7 @@ def cloud_of(message: Any, common: Mapping[str, Any] | None = None, *, labelled:
     others = {n: np.ascontiguousarray(rows[n]) for n in names if n not in {*"xyz", "label", *_NAMED}}
     named: dict[str, Any] = {place: np.ascontiguousarray(rows[n]) for n, place in _NAMED.items() if n in names}
     xyz = np.stack([rows[axis] for axis in "xyz"], axis=1, dtype=kind)
-    label = labels_of(rows) if labelled else np.zeros(len(rows), np.uint8)
+    label = labels_of(rows, classes) if labelled else np.zeros(len(rows), np.uint8)
     return Cloud(xyz=xyz, label=label, **named, others=others, names=names, **(common or _NOWHERE))
 
 
@@ -188,7 +193,7 @@ def finite_rows(message: Any) -> NDArray[np.void]:
     return rows if finite.all() else rows[finite]
 
 
-def labels_of(rows: NDArray[np.void]) -> NDArray[np.uint8]:
+def labels_of(rows: NDArray[np.void], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:
     """Class ids (n,) of points: their label, or without this field their intensity.
 
     Raises:
@@ -199,8 +204,9 @@ def labels_of(rows: NDArray[np.void]) -> NDArray[np.uint8]:
     if field is None:
         raise BagError(f"a cloud must have label or intensity, got {', '.join(names)}")
     values = rows[field]
-    if (odd := values[~np.isin(values, np.arange(len(CLASSES)))]).size:
-        raise BagError(f"{field} of a point must be a class from 0 to {len(CLASSES) - 1}, got {odd[0]:g}")
+    known = [0, *(row.label for row in classes.coloured)]
+    if (odd := values[~np.isin(values, known)]).size:
+        raise BagError(f"{field} of a point must be a class from 0 to {known[-1]}, got {odd[0]:g}")
     return values.astype(np.uint8)
 
 
@@ -212,7 +218,9 @@ def warn_of_intensity(message: Any, topic: str, path: Any) -> None:
         warnings.warn(text, FieldtruthWarning, stacklevel=4)
 
 
-def image_of(messages: Mapping[str, Any], common: Mapping[str, Any] | None = None) -> Image:
+def image_of(
+    messages: Mapping[str, Any], common: Mapping[str, Any] | None = None, classes: ClassTable = CLASSES
+) -> Image:
     """Return the images of a view, from its messages by field of ``Image``; ``jpeg`` has the photograph as stored.
 
     Raises:
@@ -224,7 +232,7 @@ def image_of(messages: Mapping[str, Any], common: Mapping[str, Any] | None = Non
             parts["jpeg"] = bytes(message.data) if hasattr(message, "format") else None
             parts["photo"] = read.image(message)
         elif part == "label":
-            parts["label"] = read.labels(read.tag_image(message))
+            parts["label"] = read.labels(read.tag_image(message), classes)
         else:
             parts[part] = _DECODED[part](message)
     return Image(**parts, **(common or _NOWHERE))
@@ -317,7 +325,6 @@ def _other(messages: Mapping[str, Any], common: Mapping[str, Any]) -> Message:
 
 
 _MADE: Final[Mapping[type[Reading], Callable[[Mapping[str, Any], Mapping[str, Any]], Reading]]] = {
-    Image: image_of,
     Inertial: _inertial,
     Fix: _fix,
     WheelSpeeds: _speeds,

@@ -36,7 +36,7 @@ from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNa
 from fieldtruth.core.readings import Cloud, Frame, Message, Reading
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.world.environments import classes_of
+from fieldtruth.world.classes import classes_of
 
 _TOLERANCE: Final = 0.2
 """Relative difference of a rate from which on it is another."""
@@ -178,7 +178,7 @@ class Run(BagFile):
     @cached_property
     def classes(self) -> ClassTable:
         """Classes that points and pixels may have; of a bag from elsewhere all."""
-        return CLASSES if self.experiment is None else classes_of(self.experiment.environment)
+        return CLASSES if self.experiment is None else classes_of(self.experiment.environment, self.experiment.layout)
 
     @cached_property
     def sensors(self) -> Mapping[str, Source]:
@@ -251,7 +251,9 @@ class Run(BagFile):
         topics = [source.topics[part] for part in parts]
         self.require(*topics)
         streams = self.streams(topics)
-        found = Readings(source, parts, [streams[topic] for topic in topics], self.storage, labelled=labelled)
+        found = Readings(
+            source, parts, [streams[topic] for topic in topics], self.storage, labelled=labelled, classes=self.classes
+        )
         if len(found) and (source.name, labelled) not in self._said:
             self._said.add((source.name, labelled))
             with suppress(BagError):  # a reading that cannot be understood says so when it is read

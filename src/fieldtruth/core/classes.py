@@ -8,13 +8,16 @@ Robot and particle (rain, snow, fog, dust in the air) occur only in runs whose e
 fence only in worlds that are made from maps or from a user's objects.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from enum import IntEnum
 from functools import cached_property
-from typing import Final, NamedTuple
+from itertools import combinations
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fieldtruth.core.errors import ConfigurationError
 
 
 class Label(IntEnum):
@@ -64,6 +67,15 @@ class SemanticClass(NamedTuple):
 class ClassTable(tuple[SemanticClass, ...]):
     """Classes by id. An id that no class has is a row of the name ``void`` without a colour."""
 
+    others: Mapping[int, Mapping[str, str]]
+    """Classes of other ontologies by class id and name of the label map, where the label map does not have it."""
+
+    def __new__(cls, rows: Iterable[SemanticClass], others: Mapping[int, Mapping[str, str]] | None = None) -> Self:
+        """Make a table of the rows of ids 0, 1, 2 and so on."""
+        table = super().__new__(cls, rows)
+        table.others = {} if others is None else others
+        return table
+
     @cached_property
     def palette(self) -> NDArray[np.uint8]:
         """(ids, 3) flat colour per class id; black for rows without one."""
@@ -83,12 +95,27 @@ class ClassTable(tuple[SemanticClass, ...]):
         rows = [row for row in self.coloured if row.label not in never]
         return {name: row.label for row in rows for name in (as_key(row.name), row.key)}
 
+    def joined(self, other: "ClassTable") -> "ClassTable":
+        """Return a table with the classes of both.
+
+        Raises:
+            ConfigurationError: an id, a name or a colour is of different classes.
+        """
+        both = {*self.coloured, *other.coloured}
+        for one, two in combinations(sorted(both), 2):
+            if any(a == b for a, b in zip(one, two, strict=True)):
+                text = f"class {one.label} is {one.name} in one run, and class {two.label} is {two.name} in another"
+                raise ConfigurationError(f"{text}: runs of one data set must have the same classes")
+        rows = {row.label: row for row in both}
+        void = [SemanticClass(label, "void", None) for label in range(max(rows) + 1)]
+        return ClassTable([rows.get(row.label, row) for row in void], {**self.others, **other.others})
+
     def without(self, *labels: int) -> "ClassTable":
         """Return the table without some classes; other ids stay."""
         rows = [SemanticClass(row.label, "void", None) if row.label in labels else row for row in self]
         while rows[-1].rgb is None:
             rows.pop()
-        return ClassTable(rows)
+        return ClassTable(rows, self.others)
 
 
 CLASSES: Final = ClassTable(

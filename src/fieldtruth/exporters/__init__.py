@@ -10,6 +10,7 @@ is written under a temporary name and renamed when it is complete; existing file
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
+from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
@@ -162,8 +163,12 @@ def export(
 
 
 def _classes_of(runs: Sequence[Run]) -> ClassTable:
-    """Classes of all runs."""
-    return max((run.classes for run in runs), key=len)
+    """Classes of all runs.
+
+    Raises:
+        ConfigurationError: an id is of different classes.
+    """
+    return reduce(ClassTable.joined, (run.classes for run in runs))
 
 
 def _warn_of_left_out(to: str, runs: Sequence[Run], name: str) -> None:

@@ -162,6 +162,11 @@ def covered(
     if not np.isfinite(cells).all() or (cells < 0.0).any() or (cells > shape).any():
         world = f"{size[0]:g} m x {size[1]:g} m about {origin.latitude:.6f}, {origin.longitude:.6f}"
         raise ConfigurationError(f"{path}: the raster does not cover the world of {world} (latitude, longitude)")
+    if (block := int(np.prod(dataset.block_shapes[0]))) > MOST_CELLS:
+        raise ConfigurationError(
+            f"{path}: it unpacks {block:,} cells at once, at most {MOST_CELLS:,} are read; "
+            "cut it into tiles first: gdal_translate -co TILED=YES"
+        )
     low, high = np.floor(cells.min(axis=0)) - MARGIN, np.ceil(cells.max(axis=0)) + MARGIN
     return np.maximum(low, 0).astype(int), np.minimum(high, shape).astype(int)
 

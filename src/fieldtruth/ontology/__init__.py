@@ -44,10 +44,12 @@ class LabelMap(NamedTuple):
         return self.name == _OWN
 
     def over(self, classes: ClassTable) -> "LabelMap":
-        """Return the map of the classes of a run; ids without a class are void."""
-        void = self.ids[0]
-        ids = [self.ids[row.label] if row.rgb is not None and row.label < len(self.ids) else void for row in classes]
-        return self._replace(ids=np.array(ids, np.uint8))
+        """Return the map of the classes of a run. Own classes that do not say what they are there are void."""
+        by_name = {other.name: number for number, other in self.classes.items()}
+        ids = dict.fromkeys(range(len(classes)), int(self.ids[0]))
+        ids |= {row.label: int(self.ids[row.label]) for row in classes.coloured if row.label < len(self.ids)}
+        ids |= {label: by_name[names[self.name]] for label, names in classes.others.items() if self.name in names}
+        return self._replace(ids=np.array([*ids.values()], np.uint8))
 
     def colours(self) -> NDArray[np.uint8]:
         """(256, 3) RGB by id of the ontology; black where it has no class."""

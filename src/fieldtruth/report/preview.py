@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES, PALETTE, SemanticClass
+from fieldtruth.core.classes import SemanticClass
 from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -206,7 +206,9 @@ def _scan(world: World, sensors: Mapping[str, Sensor], poses: Sequence[Array]) -
             inside = (np.abs(points[:, :2]) < np.array(world.size) / 2).all(axis=1)
             xyz.append(points[inside])
             label.append(scan.label[inside])
-    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners))
+    return Cloud(
+        xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(scanners), classes=world.classes
+    )
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -319,7 +321,7 @@ def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, widt
     paper.box(left + _NAME, top, 0.006, pitch * len(rows), HAIRLINE)
     for k, (row, *share) in enumerate(rows):
         middle = top + (k + 0.5) * pitch
-        paper.box(left, middle - 0.085, 0.25, 0.17, class_colour(row.label), edgecolor=HAIRLINE, linewidth=0.6)
+        paper.box(left, middle - 0.085, 0.25, 0.17, class_colour(row), edgecolor=HAIRLINE, linewidth=0.6)
         paper.text(left + 0.36, middle + 0.042, row.name, 8.2)
         for value, colour, offset in zip(share, (PIXELS, POINTS), (-_BAR - 0.008, 0.008), strict=True):
             length = (width - _NAME - _VALUE) * value / longest
@@ -330,7 +332,7 @@ def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, widt
 
 def occurring_classes(shares: ClassShares) -> Iterator[tuple[SemanticClass, float, float]]:
     """Classes with at least one pixel or point, each with its share of pixels and of points."""
-    for row, pixels, points in zip(CLASSES, shares.pixel_share, shares.point_share, strict=True):
+    for row, pixels, points in zip(shares.classes, shares.pixel_share, shares.point_share, strict=True):
         if pixels or points:
             yield row, float(pixels), float(points)
 
@@ -368,11 +370,12 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
         paper.heading(right, _MAP_TOP, "Maps", "relief, areas, lines and trees as they were read")
         paper.image_at(content.inputs, right, _MAP_TOP, width, aerial)
     paper.heading(_EDGE, views_top, "Camera views", _views_caption(content))
+    palette = content.world.classes.palette
     for number, view in enumerate(content.views, 1):
         left, photo = _EDGE + (number - 1) * (column + _GAP), view.photo
         axes = paper.image_at(photo, left, views_top, column, view_height)
         badge(axes, 0.058 * photo.shape[1], 0.1 * photo.shape[0], number)
-        paper.image_at(PALETTE[view.label], left, views_top + view_height + 0.05, column, view_height)
+        paper.image_at(palette[view.label], left, views_top + view_height + 0.05, column, view_height)
     points = f"{len(content.cloud.label):,}".replace(",", " ")
     paper.heading(_EDGE, cloud_top, "Labelled cloud", f"{content.cloud.scans} scans, {points} points")
     paper.image_at(_cloud_image(content, pixels), _EDGE, cloud_top, *_CLOUD)

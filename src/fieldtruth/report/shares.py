@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.drive.plan import expected_path, pose_on_ground, poses_along
@@ -31,25 +31,26 @@ SPACING: Final = 2.0  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class ClassShares:
-    """Counts by viewpoint and class id: ``pixels`` and ``points`` are (poses, 18)."""
+    """Counts by viewpoint and class id: ``pixels`` and ``points`` are (poses, classes)."""
 
     pixels: Counts
     points: Counts
+    classes: ClassTable = CLASSES
 
     @property
     def pixel_share(self) -> Array:
-        """Share of each class (18,) in all pixels; zeros without pixels."""
+        """Share of each class (classes,) in all pixels; zeros without pixels."""
         return _share(self.pixels)
 
     @property
     def point_share(self) -> Array:
-        """Share of each class (18,) in all points; zeros without points."""
+        """Share of each class (classes,) in all points; zeros without points."""
         return _share(self.points)
 
     def as_dict(self) -> dict[str, Any]:
         """Number of poses, and counts of the classes that occur, by name."""
         counts = {"pixels": self.pixels.sum(axis=0).tolist(), "points": self.points.sum(axis=0).tolist()}
-        named = {key: {c.name: n for c, n in zip(CLASSES, row, strict=True) if n} for key, row in counts.items()}
+        named = {key: {c.name: n for c, n in zip(self.classes, row, strict=True) if n} for key, row in counts.items()}
         return {"poses": len(self.pixels), **named}
 
 
@@ -94,7 +95,8 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
     Sensors that are not enabled count, too, and all as ideal ones. Of a stereo pair only the left view counts.
     """
     rig = rig.with_each(lambda each: {"enabled": True, "signal": None, "clock": None})
-    counts = {reading: np.zeros((len(poses), len(CLASSES)), np.int64) for reading in (Image, Cloud)}
+    classes = scene.world.classes
+    counts = {reading: np.zeros((len(poses), len(classes)), np.int64) for reading in (Image, Cloud)}
     sensor_world = SensorWorld(scene.world, rig, scene=scene, reuse=True)
 
     def count(rows: range) -> None:
@@ -105,11 +107,11 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
                 continue
             for row in rows:
                 labels = sensor.labels(output, At(row, 0, 0, standing(poses[row])))
-                found[row] += np.bincount(labels.ravel(), minlength=len(CLASSES))
+                found[row] += np.bincount(labels.ravel(), minlength=len(classes))
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(count, [range(first, len(poses), workers) for first in range(workers)]))
-    return ClassShares(pixels=counts[Image], points=counts[Cloud])
+    return ClassShares(pixels=counts[Image], points=counts[Cloud], classes=classes)
 
 
 def shares_table(shares: Mapping[str, ClassShares]) -> str:
@@ -119,13 +121,14 @@ def shares_table(shares: Mapping[str, ClassShares]) -> str:
     """
     blocks = []
     for title in ("pixels", "points"):
-        counts = {name: getattr(found, title).sum(axis=0) for name, found in shares.items()}
+        counts = {name: found.as_dict()[title] for name, found in shares.items()}
         lines = [f"{title + ' [%]':<18}" + "".join(f"{name:>12}" for name in counts)]
-        for row in CLASSES:
-            shown = [_percent(count[row.label], count.sum()) for count in counts.values()]
-            if any(count[row.label] for count in counts.values()):
-                lines.append(f"{row.name:<18}" + "".join(f"{text:>12}" for text in shown))
-        lines.append(f"{'counted':<18}" + "".join(f"{count.sum():>12}" for count in counts.values()))
+        rows = sorted({row for each in shares.values() for row in each.classes})
+        for name in dict.fromkeys(row.name for row in rows):
+            if any(name in count for count in counts.values()):
+                shown = [_percent(count.get(name, 0), sum(count.values())) for count in counts.values()]
+                lines.append(f"{name:<18}" + "".join(f"{text:>12}" for text in shown))
+        lines.append(f"{'counted':<18}" + "".join(f"{sum(count.values()):>12}" for count in counts.values()))
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
 

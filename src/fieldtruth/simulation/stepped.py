@@ -44,6 +44,7 @@ from fieldtruth.simulation.motion import (
     with_given_track,
 )
 from fieldtruth.world.build import check_experiment, world_of
+from fieldtruth.world.classes import CLASSES_KEY, as_layout, classes_of
 from fieldtruth.world.model import World
 
 _FREE: float = 2.0
@@ -86,9 +87,19 @@ def experiment_for(
         changed["rig"] = {"robot": robot}
     if changed:
         found = validated(found.model_dump() | changed, "")
-    if world is None:
-        check_experiment(found)
+    if world is not None:
+        return _with_classes(found, world)
+    check_experiment(found)
     return found
+
+
+def _with_classes(experiment: Experiment, world: World) -> Experiment:
+    """Return the experiment with the classes of a world that is given, so that readers of its bag know them."""
+    known = classes_of(experiment.environment, experiment.layout)
+    if {*world.classes.coloured} <= {*known.coloured}:
+        return experiment
+    layout = experiment.layout | {CLASSES_KEY: as_layout(world.classes)}
+    return experiment.model_copy(update={"layout": layout})
 
 
 def _in_environment(environment: str | None, world: World | None) -> Experiment:

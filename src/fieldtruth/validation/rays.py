@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
-from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.classes import CLASSES, NO_RETURN, ClassTable, Label
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.validation.check import Count, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context
@@ -156,6 +156,7 @@ class _Candidate(NamedTuple):
     instance: int
     range_m: float
     tolerance: float
+    classes: ClassTable = CLASSES
 
     @property
     def last(self) -> float:
@@ -163,7 +164,7 @@ class _Candidate(NamedTuple):
         return self.range_m + self.tolerance
 
     def __str__(self) -> str:
-        names = " or ".join(sorted(CLASSES[label].name for label in self.labels))
+        names = " or ".join(sorted(self.classes[label].name for label in self.labels))
         return f"{names} of object {self.instance} at {self.range_m:.4f} m"
 
     def agrees(self, reading: RayReading) -> bool:
@@ -189,7 +190,7 @@ def mismatches(
     hits = tracer.hits(origins, directions, limit)
     tolerance = np.asarray(resolution(hits.range_m, tracer.side) / hits.cosine + 1e-6 * hits.range_m)
     opaque = _opaque(hits, tolerance, tracer.side)
-    result: list[str | None] = []
+    result, classes = list[str | None](), world.classes
     for ray, (first, last) in enumerate(pairwise(np.searchsorted(hits.ray, np.arange(len(readings) + 1)))):
         own = [(_of_robot(hit), hit.sure) for hit in robot_hits(robot, *readings[ray].in_base)]
         end = min((candidate.last for candidate, sure in own if sure), default=np.inf)
@@ -201,7 +202,7 @@ def mismatches(
             labels = {int(hits.label[k])}
             if labels == {TERRAIN}:
                 labels = _trail_labels(world, origins[ray] + range_m * directions[ray], range_m, float(hits.cosine[k]))
-            candidates.append(_Candidate(labels, int(hits.instance[k]), range_m, float(tolerance[k])))
+            candidates.append(_Candidate(labels, int(hits.instance[k]), range_m, float(tolerance[k]), classes))
             if opaque[k]:
                 end = min(end, candidates[-1].last)
         candidates += [candidate for candidate, _ in own if candidate.range_m - candidate.tolerance <= end]

@@ -17,7 +17,7 @@ from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Mask
-from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
+from fieldtruth.core.classes import GROUND_ID, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.yaml_io import parse_mapping
@@ -38,7 +38,8 @@ CLASS_OF_OBJECT: Final = Rule("each instance id is 0 for sky and robot, or an ob
 _NO_IDS: Final = "no points or pixels with instance ids"
 OBJECT_CLASSES: Final[Spec] = Spec("object classes", (CLASS_OF_OBJECT,), "points and pixels", _NO_IDS)
 
-N_CLASSES: Final = len(CLASSES)
+N_CLASSES: Final = 256
+"""Class ids."""
 _WORDS: Final[dict[tuple[Label, ...], str]] = {
     (Label.GROUND, Label.TRAIL, Label.TREETOP): "ground",  # woods of the backdrop are treetop
     (Label.GROUND, Label.TRAIL): "litter",
@@ -55,6 +56,8 @@ _WORDS: Final[dict[tuple[Label, ...], str]] = {
     (Label.POST,): "pole poles post posts",
     (Label.CABLE,): "cable cables wire wires",
     (Label.WATER,): "lake water pond",
+    (Label.BUILDING,): "building buildings",
+    (Label.FENCE,): "fence fences",
 }
 _BY_WORD: Final = {word: labels for labels, words in _WORDS.items() for word in words.split()}
 
@@ -109,6 +112,7 @@ class ClassComparison(NamedTuple):
     allowed: Mask
     """(ids, classes) whether an instance id can have a class; the last row is for all higher ids."""
     names: tuple[str, ...]
+    classes: ClassTable
 
     @property
     def has_wide_ids(self) -> bool:
@@ -121,7 +125,7 @@ class ClassComparison(NamedTuple):
         found = self.allowed.reshape(-1)[known * N_CLASSES + label]
 
         def mismatch(k: int) -> str:
-            number, name = int(instance[k]), CLASSES[label[k]].name
+            number, name = int(instance[k]), self.classes[label[k]].name
             if self.names and number >= len(self.names):
                 return f"{where(k)}: object {number} of {len(self.names)}"
             known = f" ({self.names[number]!r})" if number and self.names else ""
@@ -157,7 +161,7 @@ class ObjectClasses(Checker):
             allowed[ROBOT_ID, Label.PARTICLE] = self._context.has_weather
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
-        return ClassComparison(self._tally.part(), self._allowed, names)
+        return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)
 
 
 def allowed_by_world(world: World) -> Mask:
@@ -184,6 +188,6 @@ def allowed_by_name(names: tuple[str, ...]) -> Mask:
         if re.search(r"lamp_?post", name.lower()):
             known = [(Label.LAMP_POST,)]
         if known:
-            allowed[row] = False
+            allowed[row, : len(Label)] = False  # an own class may have any name
             allowed[row, list(known[-1])] = True
     return allowed

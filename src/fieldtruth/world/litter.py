@@ -285,7 +285,8 @@ def _positions(
         if trees is not None:
             keep *= np.exp(-((trees.query(xy)[0] / UNDER_TREES) ** 2)) if trees.n else 0.0
         if cover.where == "at edges":
-            return np.asarray(keep * np.exp((edge + terrain.border_width + cover.radius) / _AT_EDGE))
+            inside = (edge + terrain.border_width + cover.radius) / _AT_EDGE
+            return np.asarray(keep * np.exp(np.minimum(inside, 50.0)))  # without trails the edge is far away
         return np.asarray(keep * (FAR_SHARE + (1.0 - FAR_SHARE) * _nearness(builder, edge, xy)))
 
     xy = jittered_grid(np.array(builder.size) - 2.0 * cover.radius, amount * cover.per_m2, rng, density)

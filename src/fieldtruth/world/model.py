@@ -23,6 +23,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
+from fieldtruth.world.classes import with_own
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
@@ -320,7 +321,9 @@ class World:
     """Origin of the frame on the Earth."""
 
     @classmethod
-    def from_meshes(cls, meshes: Iterable[Any], *, ground: float | None = None) -> "World":
+    def from_meshes(
+        cls, meshes: Iterable[Any], *, ground: float | None = None, classes: Mapping[str, Any] | None = None
+    ) -> "World":
         """Make a world of your own meshes, for ``Scene``, ``Lidar``, ``Camera`` and ``LabelCamera``.
 
         Instance ids count from 2 in the order of the meshes; ``object_names`` has their names. Surfaces have plain
@@ -331,6 +334,7 @@ class World:
                 frame, z up, within 10 km of the origin. Light takes the least time near it.
             ground: height [m] of flat ground, class ground and instance id 1, that reaches 10 m beyond the meshes.
                 None: no ray hits ground.
+            classes: of your own, by name, as in a layout: ``{"hay_bale": {"colour": [200, 180, 60]}}``.
 
         Raises:
             UnknownNameError: a class that does not exist, or that no object of a world has.
@@ -338,7 +342,8 @@ class World:
         """
         if ground is not None and (isinstance(ground, bool) or not isinstance(ground, Real) or not np.isfinite(ground)):
             raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
-        objects = objects_of(meshes)
+        layout = {"classes": dict(classes)} if classes else {}
+        objects = objects_of(meshes, with_own(layout))
         materials: dict[str, Material] = {}
         soil = _plain(materials, CLASSES[Label.GROUND], GREY)
         placed = [_object(name, k, parts, materials) for k, (name, parts) in enumerate(objects.items(), GROUND_ID + 1)]
@@ -354,13 +359,14 @@ class World:
             instances=tuple(instance for _, instance in placed),
             materials=materials,
             textures={"plain": np.full((1, 1, 3), 255, np.uint8)},
+            layout=layout,
             object_names=(*TAKEN, *objects),
         )
 
     @cached_property
     def classes(self) -> ClassTable:
-        """Classes of its materials, and all that any world may have."""
-        return CLASSES.without(*OF_MAPS - {material.label for material in self.materials.values()})
+        """Those of ours that any world may have or that its materials have, and those of its layout."""
+        return with_own(self.layout).without(*OF_MAPS - {material.label for material in self.materials.values()})
 
     def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array, Index
-from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.report.drawing.style import NIGHT
 
@@ -32,6 +32,7 @@ class Cloud:
     xyz: Array
     label: NDArray[np.uint8]
     scans: int
+    classes: ClassTable = CLASSES
 
 
 def looking(towards: Sequence[float] | Array) -> Array:
@@ -75,7 +76,7 @@ def draw_cloud(
         r, c, which = r[nearer], c[nearer], which[nearer]
         depth[r, c] = z[which]
         label[r, c] = cloud.label[order[which]]
-    return _shaded(depth, label)
+    return _shaded(depth, label, cloud.classes.palette)
 
 
 def _disc(radius: Array) -> list[tuple[int, int, Index]]:
@@ -85,12 +86,12 @@ def _disc(radius: Array) -> list[tuple[int, int, Index]]:
     return [(i, j, np.flatnonzero(radius >= np.hypot(i, j))) for i, j in square]
 
 
-def _shaded(depth: Float32Array, label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shaded(depth: Float32Array, label: NDArray[np.uint8], palette: NDArray[np.uint8]) -> NDArray[np.uint8]:
     hit = np.isfinite(depth)
     log = np.log2(np.where(hit, depth, 1e6))
     rise = np.zeros_like(log)
     for i, j in _NEIGHBOURS:
         rise += np.clip(log - np.roll(log, (i, j), axis=(0, 1)), 0.0, 0.06)
     shade = np.exp(-_DARKENING * rise / len(_NEIGHBOURS))
-    colour = np.where(hit[..., None], PALETTE[label] * (0.25 + 0.75 * shade[..., None]), NIGHT)
+    colour = np.where(hit[..., None], palette[label] * (0.25 + 0.75 * shade[..., None]), NIGHT)
     return downscaled(np.rint(colour).astype(np.uint8), _OVERSAMPLING)

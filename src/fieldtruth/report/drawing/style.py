@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import SemanticClass
 from fieldtruth.experiment.sensor_config import SensorConfig
 
 INK: Final = "#1d2733"
@@ -27,9 +27,9 @@ LETTERS: Final = 160
 """Maximum length of a name from a bag."""
 
 
-def class_colour(label: int) -> str:
+def class_colour(row: SemanticClass) -> str:
     """Colour of a class as ``#rrggbb``; grey for void."""
-    return "#{:02x}{:02x}{:02x}".format(*(CLASSES[label].rgb or _NO_CLASS))
+    return "#{:02x}{:02x}{:02x}".format(*(row.rgb or _NO_CLASS))
 
 
 def shortened(name: str) -> str:

@@ -26,7 +26,7 @@ from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.readings import Readings, image_of
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import Source
-from fieldtruth.core.classes import CLASSES, PALETTE
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.png import encode_png
@@ -135,7 +135,8 @@ def _view(
             continue
         message = readings.message(row)
         try:
-            colours = add(view, image_of({part: message}), int(share * most))
+            image = image_of({part: message}, classes=readings.classes)
+            colours = add(view, image, int(share * most), readings.classes)
         except UNEXPECTED as error:
             unreadable[source.topics[part]] = reason(error)
         else:
@@ -145,7 +146,7 @@ def _view(
     return view
 
 
-def _add_photo(view: View, image: Any, most: int) -> NDArray[np.uint8]:
+def _add_photo(view: View, image: Any, most: int, _: ClassTable) -> NDArray[np.uint8]:
     colours: NDArray[np.uint8] = image.photo
     stored = image.jpeg or b""
     fits = stored and len(stored) <= most and colours.shape[1] <= _WIDEST
@@ -153,11 +154,11 @@ def _add_photo(view: View, image: Any, most: int) -> NDArray[np.uint8]:
     return colours
 
 
-def _add_tag(view: View, image: Any, most: int) -> NDArray[np.uint8]:
+def _add_tag(view: View, image: Any, most: int, classes: ClassTable) -> NDArray[np.uint8]:
     ids: NDArray[np.uint8] = image.label
-    colours = PALETTE[ids]
+    colours = classes.palette[ids]
     view.classes = frozenset(np.unique(ids).tolist())
-    while len(png := encode_png(ids, palette=PALETTE)) > most or ids.shape[1] > _WIDEST:
+    while len(png := encode_png(ids, palette=classes.palette)) > most or ids.shape[1] > _WIDEST:
         ids = np.ascontiguousarray(ids[::2, ::2])
     view.tag = png
     return colours
@@ -219,7 +220,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         cloud, cloud_note = _cloud(run, trajectory)
     aerial, map_note = view_world(run, progress) if trajectory is not None else (None, "")
     calibrated = tables.view_rows(run)
-    classes, class_sums = tables.class_rows(summary)
+    classes, class_sums = tables.class_rows(summary, run.classes)
     checksums, checksums_source = tables.checksums(run, progress)
     visible = frozenset[int]().union(*(view.classes for sample in samples for view in sample.views.values()))
     return PageContent(
@@ -231,7 +232,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         map_note=map_note,
         samples=samples,
         is_pair=[view.side for view in run.of(Image, recorded=False)] == ["left", "right"],
-        image_classes=tuple((row.name, class_colour(row.label)) for row in CLASSES if row.label in visible),
+        image_classes=tuple((row.name, class_colour(row)) for row in run.classes if row.label in visible),
         counted=_counted(run, len(summary.pixels)),
         cloud=cloud,
         cloud_note=cloud_note,

@@ -9,6 +9,7 @@ import math
 from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import readings
 from fieldtruth.core.arrays import Array, Counts, Mask
-from fieldtruth.core.classes import CLASSES, PALETTE
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, counted
 from fieldtruth.core.readings import Cloud, Image
@@ -360,7 +361,6 @@ def _plain(value: float, step: float) -> str:
     return fixed(value, max(0, -math.floor(math.log10(step) + 1e-9)))
 
 
-_CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
 _CHANNELS: Final = {Inertial: 6, Fixes: 3}
@@ -368,30 +368,31 @@ _OTHER_CHANNELS: Final = 9
 """Numbers of channels: of a topic by its collector, and of motion and wheels together."""
 
 
-def count_pixels(tag: Any) -> Counts:
-    """Count the pixels of a tag image message by class id (18,); row 0 counts colours that no class has.
+def count_pixels(tag: Any, classes: ClassTable = CLASSES) -> Counts:
+    """Count the pixels of a tag image message by class id (classes,); row 0 counts colours that no class has.
 
     Raises:
         BagError: the image is not one in colour.
     """
-    counts = np.zeros(len(CLASSES), np.int64)
-    count_runs(np.ascontiguousarray(tag_image(tag)).reshape(-1, 3), _CODES, counts)
+    counts, codes = np.zeros((2, len(classes)), np.int64)
+    codes[:] = [-1 if row.rgb is None else int.from_bytes(row.rgb, "little") for row in classes]
+    count_runs(np.ascontiguousarray(tag_image(tag)).reshape(-1, 3), codes, counts)
     return counts
 
 
-def count_points(cloud: Any) -> Counts:
-    """Count the points of a cloud message by class id (18,); row 0 counts points without a class."""
-    return np.bincount(class_ids(points(cloud)), minlength=len(CLASSES)).astype(np.int64)
+def count_points(cloud: Any, classes: ClassTable = CLASSES) -> Counts:
+    """Count the points of a cloud message by class id (classes,); row 0 counts points without a class."""
+    return np.bincount(class_ids(points(cloud), classes), minlength=len(classes)).astype(np.int64)
 
 
-def class_ids(cloud: NDArray[np.void]) -> NDArray[np.uint8]:
+def class_ids(cloud: NDArray[np.void], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:
     """Class id of each point (n,) from ``label`` or, as in the paper, intensity; 0 if it is not a class id."""
     names = cloud.dtype.names or ()
     name = next((name for name in ("label", "intensity") if name in names), None)
     if name is None or cloud[name].ndim != 1:
         return np.zeros(len(cloud), np.uint8)
     value = cloud[name]
-    known = (value >= 1) & (value < len(CLASSES)) & (value == np.floor(value))
+    known = np.isin(value, [row.label for row in classes.coloured])
     ids: NDArray[np.uint8] = np.where(known, value, 0).astype(np.uint8)
     return ids
 
@@ -405,9 +406,9 @@ class BagSummary:
     first_fixes: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Latitude, longitude [deg], height [m] by sensor; the name is empty if there is one receiver."""
     pixels: dict[str, Counts] = field(default_factory=dict)
-    """Pixels by class id (18,) of each tag topic; row 0 counts colours that no class has."""
+    """Pixels by class id (classes,) of each tag topic; row 0 counts colours that no class has."""
     points: dict[str, Counts] = field(default_factory=dict)
-    """Points by class id (18,) of each topic of clouds."""
+    """Points by class id (classes,) of each topic of clouds."""
     unreadable: dict[str, str] = field(default_factory=dict)
     """By topic that exists and cannot be shown: the reason."""
 
@@ -441,9 +442,10 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     collectors = _collectors(run, topics)
     clouds = [each.topic for each in run.of(Cloud)]
     tags = [view.topics["label"] for view in run.of(Image, "label")]
-    counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(tags, count_pixels) | dict.fromkeys(
-        clouds, count_points
-    )
+    counters: dict[str, Callable[[Any], Counts]] = {
+        **dict.fromkeys(tags, partial(count_pixels, classes=run.classes)),
+        **dict.fromkeys(clouds, partial(count_points, classes=run.classes)),
+    }
     wanted = [topic for topic in (*collectors, *counters) if topic in topics]
     opened: dict[str, Readings] = {}
     for topic in set(wanted) - {table.MODEL_STATES}:
@@ -469,7 +471,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
             elif isinstance(found, tuple):
                 collectors[topic].add(stamp, found)
             else:
-                counts[topic] = counts.get(topic, np.zeros(len(CLASSES), np.int64)) + found
+                counts[topic] = counts.get(topic, np.zeros(len(run.classes), np.int64)) + found
         if table.MODEL_STATES in wanted:
             _collect_states(run, collectors[table.MODEL_STATES], summary.unreadable)
     _finish(summary, collectors, run)

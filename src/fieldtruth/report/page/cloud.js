@@ -15,8 +15,8 @@
     in vec3 steps;
     in float label;
     uniform mat4 clip_from_steps;
-    uniform vec3 colours[17];
-    uniform int shown, byHeight, path;
+    uniform vec4 colours[${settings.colours.length + 1}]; // the last is 0 where the class is hidden
+    uniform int byHeight, path;
     uniform float step_m, middle_z, low, high, size_px, smallest;
     out vec3 colour;
     vec3 ramp(float t) {
@@ -30,8 +30,8 @@
       gl_Position = clip_from_steps * vec4(steps, 1.);
       bool isPath = id == path;
       gl_PointSize = clamp((isPath ? 2.5 : 1.) * size_px / gl_Position.w, isPath ? 2. * smallest : smallest, 16. * smallest);
-      if ((shown >> id & 1) == 0) gl_Position = vec4(2., 2., 2., 1.);
-      colour = byHeight == 1 && !isPath ? ramp((steps.z * step_m + middle_z - low) / (high - low)) : colours[id];
+      if (colours[id].a == 0.) gl_Position = vec4(2., 2., 2., 1.);
+      colour = byHeight == 1 && !isPath ? ramp((steps.z * step_m + middle_z - low) / (high - low)) : colours[id].rgb;
     }`;
   const DISC = `#version 300 es
     precision mediump float;
@@ -104,8 +104,8 @@
   attribute("label", 1, gl.UNSIGNED_BYTE, false, 1, 6 * settings.count);
   const empty = gl.createVertexArray();
   const colours = new Float32Array([
-    ...settings.colours.flatMap((colour) => [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16) / 255)),
-    ...PATH,
+    ...settings.colours.flatMap((colour) => [...[1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16) / 255), 1]),
+    ...PATH, 1,
   ]);
 
   // Framebuffer of the points, before shading -------------------------------------------------------------------------
@@ -133,7 +133,7 @@
     target: [...settings.target], azimuth: settings.azimuth, elevation: settings.elevation, distance: settings.distance,
   });
   let camera = firstView();
-  let [shown, byHeight] = [-1, false];
+  let byHeight = false;
   const heads = document.querySelectorAll("#sensors input");
   const axes = () => {
     const [a, e] = [camera.azimuth * RADIANS, camera.elevation * RADIANS];
@@ -167,8 +167,7 @@
     gl.useProgram(points.made);
     const p = points.uniforms;
     gl.uniformMatrix4fv(p.clip_from_steps, false, clip);
-    gl.uniform3fv(p.colours, colours);
-    gl.uniform1i(p.shown, shown);
+    gl.uniform4fv(p.colours, colours);
     gl.uniform1i(p.byHeight, byHeight ? 1 : 0);
     gl.uniform1i(p.path, settings.path);
     gl.uniform1f(p.step_m, step);
@@ -272,7 +271,7 @@
   // Panel -------------------------------------------------------------------------------------------------------------
   const boxes = [...document.querySelectorAll("#legend input")];
   const show = () => {
-    shown = boxes.reduce((bits, box) => bits | (box.checked ? 1 << box.value : 0), 0);
+    boxes.forEach((box) => (colours[4 * box.value + 3] = box.checked ? 1 : 0));
     redraw();
   };
   const tick = (state) => () => {

@@ -18,7 +18,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.readings import Cloud
 from fieldtruth.report.drawing import cloud as drawing
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
@@ -34,8 +34,6 @@ _MAX_RANGE: Final = 48.0  # [m]; farther away, rings are too far apart to show a
 _FINEST: Final = 0.04  # [m]; first size of a voxel
 _COARSENING: Final = 1.12
 _BUFFER: Final = 6 * LARGEST  # points in memory while scans are added
-PATH: Final = len(CLASSES)
-"""Label of the points on the robot's path."""
 PATH_POINTS: Final = 6000
 POSTER_BYTES: Final = 330_000
 _POSTER: Final = (1280, 640)  # [pixel]
@@ -86,6 +84,7 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
         xyz=np.concatenate([each.xyz for each in same]),
         label=np.concatenate([each.label for each in same]),
         scans=sum(each.scans for each in same),
+        classes=run.classes,
         voxel=voxel,
         frame=found[0].frame,
         parts=tuple((name, len(e.xyz)) for name, e in zip(names, found, strict=True) if e in same),
@@ -101,7 +100,7 @@ def _accumulated(run: Run, source: Source, trajectory: Trajectory | None) -> "_V
     base_from_sensor, note = _mount(run, middle.header.frame_id)
     if trajectory is None or base_from_sensor is None:
         voxels = _Voxels(middle.header.frame_id, note or "The bag has no true poses.")
-        voxels.add(*_returns(topic, middle))
+        voxels.add(*_returns(topic, middle, run.classes))
         return voxels
     voxels = _Voxels("world", note)
     for row in np.unique(np.linspace(0, last, SCANS).round().astype(int)).tolist():
@@ -110,7 +109,7 @@ def _accumulated(run: Run, source: Source, trajectory: Trajectory | None) -> "_V
             world_from_sensor = trajectory.world_from_base(int(clouds.stamps_ns[row])) @ base_from_sensor
         except BagError:  # before the first pose or after the last
             continue
-        xyz, label = _returns(topic, cloud)
+        xyz, label = _returns(topic, cloud, run.classes)
         voxels.add(transforms.transform(world_from_sensor, xyz), label)
     return voxels
 
@@ -127,7 +126,7 @@ def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
     return None, f"The bag has no pose of {frame} on the robot, so this is one scan in that frame."
 
 
-def _returns(topic: str, cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
+def _returns(topic: str, cloud: Any, classes: ClassTable) -> tuple[Array, NDArray[np.uint8]]:
     """Finite points (n, 3) [m] of a message in its own frame, and their class ids (n,).
 
     Raises:
@@ -140,7 +139,7 @@ def _returns(topic: str, cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
         raise BagError(f"{topic}: clouds must have x, y and z ({error})") from error
     with np.errstate(over="ignore", invalid="ignore"):
         good = np.isfinite(xyz).all(axis=1) & ((xyz**2).sum(axis=1) < _MAX_RANGE**2)
-    return xyz[good], class_ids(rows)[good]
+    return xyz[good], class_ids(rows, classes)[good]
 
 
 class _Voxels:
@@ -180,7 +179,8 @@ class _Voxels:
 class LegendRow(NamedTuple):
     """A class in the cloud and its number of points."""
 
-    label: int
+    number: int
+    """Of its points in the data."""
     name: str
     colour: str
     points: int
@@ -192,7 +192,7 @@ class CloudView:
 
     cloud: ScanCloud
     data: bytes
-    """n rows of three int16, little endian, followed by n labels of one byte."""
+    """n rows of three int16, little endian, followed by n numbers of classes of one byte."""
     settings: dict[str, Any]
     """For the script: scale of the rows, first view, colours;
     of several sensors, and of the path after them, the first row and the number of rows."""
@@ -213,25 +213,28 @@ def pack_cloud(cloud: ScanCloud, trajectory: Trajectory | None) -> CloudView:
     if trajectory is not None and cloud.frame == "world":
         path = _evenly_spaced(trajectory.position)
     xyz = np.concatenate([cloud.xyz, path])
-    label = np.concatenate([cloud.label, np.full(len(path), PATH, np.uint8)])
+    shown = [cloud.classes[0], *cloud.classes.coloured]  # numbered without gaps
+    number = np.zeros(len(cloud.classes), np.uint8)
+    number[[row.label for row in shown]] = np.arange(len(shown))
+    label = np.concatenate([number[cloud.label], np.full(len(path), len(shown), np.uint8)])
     middle = (xyz.min(axis=0) + xyz.max(axis=0)) / 2
     step = max(float(np.abs(xyz - middle).max()), 1e-3) / _STEPS
     data = np.rint((xyz - middle) / step).astype("<i2").tobytes() + label.tobytes()
     target, azimuth, distance = _first_view(cloud.xyz, path)
     low, high = np.percentile(cloud.xyz[:, 2], (1, 99))
-    counts = np.bincount(cloud.label, minlength=len(CLASSES))
+    counts = np.bincount(label, minlength=len(shown))
     settings: dict[str, Any] = {
-        "count": len(xyz), "step": step, "middle": middle.tolist(), "voxel": cloud.voxel, "path": PATH,
+        "count": len(xyz), "step": step, "middle": middle.tolist(), "voxel": cloud.voxel, "path": len(shown),
         "target": target.tolist(), "azimuth": azimuth, "elevation": _ELEVATION, "distance": distance,
         "fov": _VERTICAL_FOV, "low": float(low), "high": max(float(high), float(low) + 0.1),
-        "colours": [class_colour(row.label) for row in CLASSES],
+        "colours": [class_colour(row) for row in shown],
     }  # fmt: skip
     if len(cloud.parts) > 1:
         counts_of = [*(points for _, points in cloud.parts), len(path)]
         settings["sensors"] = [[sum(counts_of[:k]), count] for k, count in enumerate(counts_of)]
     legend = tuple(
-        LegendRow(int(row.label), row.name if row.label else "no class", class_colour(row.label), int(points))
-        for row, points in zip(CLASSES, counts, strict=True)
+        LegendRow(k, row.name if row.label else "no class", class_colour(row), int(points))
+        for k, (row, points) in enumerate(zip(shown, counts, strict=False))
         if points
     )
     return CloudView(cloud, data, settings, legend, _poster(cloud, target, azimuth, distance), len(path) > 1)

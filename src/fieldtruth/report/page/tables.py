@@ -14,7 +14,7 @@ from fieldtruth.bag.geometry import first_message
 from fieldtruth.bag.provenance import read_checksums, sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.readings import Cloud, Image
@@ -105,10 +105,10 @@ def _count(run: Run, topics: Iterable[str]) -> int:
     return sum(run.counts.get(topic, 0) for topic in topics)
 
 
-def class_rows(summary: BagSummary) -> tuple[list[ClassRow], ClassRow | None]:
+def class_rows(summary: BagSummary, classes: ClassTable) -> tuple[list[ClassRow], ClassRow | None]:
     """Rows of the classes with at least one pixel or point, and the sums; None if nothing was counted."""
     pixels, points = (
-        sum(counts.values(), np.zeros(len(CLASSES), np.int64)) for counts in (summary.pixels, summary.points)
+        sum(counts.values(), np.zeros(len(classes), np.int64)) for counts in (summary.pixels, summary.points)
     )
     counted = [counts for counts in (pixels, points) if counts.any()]
     if not counted:
@@ -116,10 +116,10 @@ def class_rows(summary: BagSummary) -> tuple[list[ClassRow], ClassRow | None]:
     longest = max(float(counts.max() / counts.sum()) for counts in counted)
     rows = [
         ClassRow(
-            row.name if row.label else "no class", class_colour(row.label),
+            row.name if row.label else "no class", class_colour(row),
             _share(pixels, row.label, longest), _share(points, row.label, longest),
         )
-        for row in CLASSES
+        for row in classes
         if pixels[row.label] or points[row.label]
     ]  # fmt: skip
     return rows, ClassRow("all", "", *(Share(int(c.sum()), "", 0.0) if c.any() else None for c in (pixels, points)))

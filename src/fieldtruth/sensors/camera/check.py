@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.classes import ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.sense.robot import robot_views
@@ -109,7 +109,7 @@ def _check_frame(
     def pixel(part: str, k: int) -> str:
         return f"{frame.at(part)}, row {k // width}, column {k % width}"
 
-    label = _labels(rgb).reshape(-1)
+    label = _labels(rgb, frame.classes).reshape(-1)
     known = label != Label.VOID
     colours[COLOUR].see_all(known, lambda k: f"{pixel('tag', k)}: {' '.join(map(str, flat[k]))}")
     if depth is not None and depth.size == label.size:
@@ -140,17 +140,18 @@ def _decoded(
     return image if image.size else None
 
 
-def _labels(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _labels(rgb: NDArray[np.uint8], classes: ClassTable) -> NDArray[np.uint8]:
     """Class ids (h, w) of a tag image; VOID where a colour belongs to no class."""
     try:
-        return read.labels(rgb)
+        return read.labels(rgb, classes)
     except BagError:  # slower, but it names every pixel
         radix = np.array([1, 256, 65536], np.uint32)
-        codes = PALETTE[1:].astype(np.uint32) @ radix
+        labels = np.array([row.label for row in classes.coloured])
+        codes = classes.palette[labels].astype(np.uint32) @ radix
         order = np.argsort(codes)
         found = rgb.astype(np.uint32) @ radix
         row = order[np.minimum(np.searchsorted(codes[order], found), len(codes) - 1)]
-        return np.where(codes[row] == found, row + 1, 0).astype(np.uint8)
+        return np.where(codes[row] == found, labels[row], 0).astype(np.uint8)
 
 
 class _Pixels(NamedTuple):
@@ -247,7 +248,7 @@ def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
     try:
         with np.errstate(invalid="ignore"):
             found = _Pixels(
-                read.labels(read.image(parts["tag"])),
+                read.labels(read.image(parts["tag"]), frame.classes),
                 read.instances(parts["instances"]) if "instances" in parts else None,
                 read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
                 read.image(parts["photograph"]) if "photograph" in parts else None,

@@ -32,6 +32,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.lenses import Lens
 from fieldtruth.experiment.imaging_config import Imager
@@ -56,6 +57,7 @@ class CameraFrame:
 
     imager: Imager
     stamp_ns: int
+    classes: ClassTable
     parts: dict[str, Any] = field(default_factory=dict)
 
     def at(self, part: str) -> str:
@@ -92,7 +94,7 @@ class CameraFrameChecker(Checker):
             return
         part, imager = self._parts[raw.topic]
         key = (imager.name, raw.stamp_ns)
-        frame = self._open.setdefault(key, CameraFrame(imager, raw.stamp_ns))
+        frame = self._open.setdefault(key, CameraFrame(imager, raw.stamp_ns, self.context.run.classes))
         frame.parts[part] = message
         if len(frame.parts) == self._due[imager.name]:
             self.check_frame(self._open.pop(key))
@@ -395,7 +397,7 @@ def _compare(tally: Tally, view: _View) -> Tally:
     frame = view.frame
     try:
         points = view.source.decode(view.cloud, frame.stamp_ns)
-        label = read.labels(read.image(frame.parts["tag"]))
+        label = read.labels(read.image(frame.parts["tag"]), frame.classes)
         depth = read.depth(frame.parts["depth"]) if "depth" in frame.parts else None
         instance = read.instances(frame.parts["instances"]) if "instances" in frame.parts else None
         u, v, z, rows = _projected(points, view.k, view.optical_from_points, label.shape)

@@ -17,6 +17,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInteres
 from fieldtruth.bag import messages as ros
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.lenses import directions
 from fieldtruth.core.readings import Ids, Image
 from fieldtruth.drive.track import PoseAt, standing_at
@@ -67,11 +68,11 @@ def photograph_jpeg(photo: NDArray[np.uint8], quality: int, chroma: str = "444")
     return jpeg
 
 
-def tag(seq: int, stamp_ns: int, frame: str, label: NDArray[np.uint8]) -> bytes:
+def tag(seq: int, stamp_ns: int, frame: str, label: NDArray[np.uint8], classes: ClassTable = CLASSES) -> bytes:
     """Serialise sensor_msgs/Image, rgb8: the flat colour of each label of (h, w)."""
     height, width = label.shape
     head = ros.header(seq, stamp_ns, frame)
-    message = ImageMessage(head, height, width, "rgb8", 0, 3 * width, tag_image(label).reshape(-1))
+    message = ImageMessage(head, height, width, "rgb8", 0, 3 * width, tag_image(label, classes).reshape(-1))
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 
@@ -218,7 +219,7 @@ class CameraSensor(Sensor):
         assert reading.label is not None
         yield camera_info(number, stamp, self._views[output.part])
         yield photograph(number, stamp, frame, reading.photo, config)
-        yield tag(number, stamp, frame, reading.label)
+        yield tag(number, stamp, frame, reading.label, self.sensor_world.world.classes)
         if config.depth and reading.depth is not None:
             yield depth(number, stamp, frame, reading.depth)
         if config.instances and reading.instance is not None:

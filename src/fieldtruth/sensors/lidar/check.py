@@ -20,7 +20,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.drive.track import poses_at
 from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
@@ -39,7 +39,7 @@ from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
 from fieldtruth.validation.rays import RayReading, RayReference, close
-from fieldtruth.validation.world import N_CLASSES, ClassComparison, ObjectClasses
+from fieldtruth.validation.world import ClassComparison, ObjectClasses
 
 BIAS: Final = Rule("ranges have no bias, within 5 standard errors and 2 %")
 WIDTH: Final = Rule("ranges vary as the signal's range_noise says, within 5 standard errors and 2 %")
@@ -205,7 +205,6 @@ _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
 _CLOCK_ROUNDING: Final = 1e-6
 """[s], which a double resolves for stamps of today, and single precision within a scan."""
-_RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
 
 
 class Clouds(Checker):
@@ -261,7 +260,7 @@ def _check_cloud(
     of_class = ("label", *["intensity"] * (config.signal is None))
     if name := next((name for name in of_class if name in found), None):
         values = cloud[name]
-        returning = np.isin(values, np.flatnonzero(_RETURNS))
+        returning = np.isin(values, [row.label for row in classes.classes.coloured if row.label not in NO_RETURN])
         tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {values[k]:g}")
     if {"x", "y", "z"} <= found.keys():
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
@@ -280,7 +279,7 @@ def _check_cloud(
         late = np.abs(cloud[clock] - leaves) > _CLOCK_ROUNDING
         rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {leaves[k]} s")
     if whole:
-        real = np.flatnonzero(cloud["label"] < N_CLASSES)
+        real = np.flatnonzero(cloud["label"] < len(classes.classes))
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
 
 

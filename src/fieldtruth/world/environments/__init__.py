@@ -16,7 +16,6 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.registry import Registry
 from fieldtruth.experiment.environment_file import SITE
@@ -80,15 +79,6 @@ FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surface
 def find_environment(name: str, source: str = "") -> Environment:
     """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
     return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
-
-
-WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
-"""Environments of the paper, which have neither buildings nor fences."""
-
-
-def classes_of(environment: str) -> ClassTable:
-    """Return the classes that a world of an environment may have."""
-    return CLASSES.without(*OF_MAPS) if environment in WITHOUT_MAPS else CLASSES
 
 
 def list_environments() -> dict[str, str]:

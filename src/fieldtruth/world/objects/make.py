@@ -14,6 +14,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, suggestion
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
@@ -120,7 +121,7 @@ def _in_our_frame(content: FileContent, config: ObjectConfig, where: str) -> lis
 
 def _material(config: ObjectConfig, part: Part, where: str) -> tuple[Material, NDArray[np.uint8] | None]:
     """Material of a part, without its number, and its image if that is not one of ours."""
-    label = _label(config.label, part, where)
+    label = _label(config.label, part, where, config.classes)
     if config.material:
         if config.material not in MATERIALS:
             raise ConfigurationError(f"{where}: unknown material {config.material!r}; "
@@ -139,13 +140,13 @@ def _named(
     return Material(name=name, label=label, texture=texture, tint=tint, gloss=gloss, reflectance=config.reflectance)
 
 
-def _label(given: str | Mapping[str, str], part: Part, where: str) -> int:
+def _label(given: str | Mapping[str, str], part: Part, where: str, classes: ClassTable) -> int:
     """Class of a part, by the name of its node or its material."""
     if isinstance(given, str):
-        return label_of(given, part.name, "", where)
+        return label_of(given, part.name, "", where, classes)
     for pattern, name in given.items():
         if fnmatchcase(part.name, pattern) or fnmatchcase(part.look.name, pattern):
-            return label_of(name, part.name, "", where)
+            return label_of(name, part.name, "", where, classes)
     raise ConfigurationError(
         f"{where}: label has no class for the node {part.name!r} with the material {part.look.name!r}; "
         f"'*' stands for all others"

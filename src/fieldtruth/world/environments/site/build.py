@@ -20,8 +20,9 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.environments.site.inputs import LASER, read_elevation
 from fieldtruth.world.environments.site.planting import plant_hedges, plant_herbs, plant_scrub, plant_trees
-from fieldtruth.world.environments.site.sources import LASER, read_elevation, read_features, read_stems
+from fieldtruth.world.environments.site.sources import read_features, read_stems
 from fieldtruth.world.environments.site.structures import build_structures, gates
 from fieldtruth.world.environments.site.surfaces import (
     cover_ground,

@@ -4,19 +4,26 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.maps.canopy import read_canopy, read_canopy_points
-from fieldtruth.maps.elevation import Elevation
+from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
+from fieldtruth.maps.imagery import read_classes
 from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import StreetMap, read_osm
 from fieldtruth.maps.trees import Tree, find_trees
 from fieldtruth.world.build import needed_libraries
 from fieldtruth.world.environments.site.config import Config
-from fieldtruth.world.environments.site.sources import LASER, TABLES, read_elevation
+
+TABLES: Final = (".csv", ".tsv", ".txt", ".gpkg", ".geojson", ".json", ".shp")
+"""Endings of inventories of trees."""
+LASER: Final = (".las", ".laz")
+
+
+_CLASS_STEP: Final = 1.0  # [m] between the positions at which land cover is counted
 
 
 class MappedTrees(NamedTuple):
@@ -57,6 +64,22 @@ def read_inputs(config: Config) -> Inputs:
     return Inputs(elevation, trees, streets)
 
 
+def read_elevation(config: Config) -> Elevation | None:
+    """Read the ground; None without an elevation model."""
+    file = config.elevation
+    if file is None:
+        return None
+    read = read_ground_points if file.path.suffix.lower() in LASER else read_raster
+    return read(
+        file.path,
+        config.place,
+        config.size,
+        crs=file.crs,
+        reference=file.reference,
+        geoid_height=file.geoid_height,
+    )
+
+
 def read_trees(config: Config, origin: Origin) -> MappedTrees:
     """Read the trees of an inventory, or find them in a canopy; none without such a file."""
     file = config.trees
@@ -90,3 +113,12 @@ def describe(config: Config, inputs: Inputs) -> Iterator[str]:
         found = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items())) or "nothing"
         broken = f"; {inputs.streets.incomplete} incomplete ways and areas" if inputs.streets.incomplete else ""
         yield f"map: {config.map.path.name}: {found}{broken}; © OpenStreetMap contributors, ODbL"
+    if (cover := config.land_cover) is not None:
+        x, y = (np.arange(-side / 2, side / 2, _CLASS_STEP) for side in config.size)
+        codes = read_classes(cover.path, config.place, config.size, (x, y), crs=cover.crs)
+        shares = [(name, float((codes == code).mean())) for code, name in cover.classes.items()]
+        left = 1.0 - sum(share for _, share in shares)
+        named = ", ".join(f"{share:.0%} {name}" for name, share in shares if share)
+        yield f"land cover: {cover.path.name}: {named or 'none of the classes'}; {left:.0%} of other classes or no data"
+    if config.photo is not None:
+        yield f"photo: {config.photo.path.name}: colour of the ground"

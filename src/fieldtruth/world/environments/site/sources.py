@@ -10,18 +10,13 @@ from matplotlib.path import Path as Outline
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.geodesy import Origin
-from fieldtruth.maps.canopy import read_canopy, read_canopy_points
-from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
-from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import Feature, read_osm
-from fieldtruth.maps.trees import Tree, find_trees
+from fieldtruth.maps.trees import Tree
 from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.environments.site.inputs import read_trees
 from fieldtruth.world.plants import TREES
 from fieldtruth.world.relief import Axes
 
-TABLES: Final = (".csv", ".gpkg", ".geojson", ".json", ".shp")
-"""Endings of inventories of trees."""
-LASER: Final = (".las", ".laz")
 USUAL: Final = 14.0
 """Height [m] of trees whose height no map says, in the mean; they vary by a quarter."""
 GENERA: Final[Mapping[str, str]] = {
@@ -43,22 +38,6 @@ class Stem(NamedTuple):
     species: str
 
 
-def read_elevation(config: Config) -> Elevation | None:
-    """Read the ground; None without an elevation model."""
-    file = config.elevation
-    if file is None:
-        return None
-    read = read_ground_points if file.path.suffix.lower() in LASER else read_raster
-    return read(
-        file.path,
-        config.place,
-        config.size,
-        crs=file.crs,
-        reference=file.reference,
-        geoid_height=file.geoid_height,
-    )
-
-
 def read_features(config: Config, origin: Origin) -> list[Feature]:
     """Read OpenStreetMap; empty without it."""
     return [] if config.map is None else read_osm(config.map.path, origin, config.size).features
@@ -66,7 +45,7 @@ def read_features(config: Config, origin: Origin) -> list[Feature]:
 
 def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng: np.random.Generator) -> list[Stem]:
     """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
-    trees = _read_trees(config, origin)
+    trees = read_trees(config, origin).trees
     trees += [_mapped(each) for each in features if each.kind == "tree"]
     trees += [_planted(each, xy) for each in features for xy in _rows(each)]
     at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
@@ -81,18 +60,6 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
         crown = np.nan if tree.crown_radius is None else tree.crown_radius
         stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn))
     return stems
-
-
-def _read_trees(config: Config, origin: Origin) -> list[Tree]:
-    file = config.trees
-    if file is None:
-        return []
-    ending = file.path.suffix.lower()
-    if ending in TABLES:
-        return list(read_inventory(file.path, origin, config.size, crs=file.crs, columns=file.columns).trees)
-    if ending in LASER:
-        return list(find_trees(read_canopy_points(file.path, origin, config.size, crs=file.crs)))
-    return list(find_trees(read_canopy(file.path, origin, config.size, crs=file.crs)))
 
 
 ROW: Final = 8.0

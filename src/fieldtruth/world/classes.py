@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Classes of a user's own: the key ``classes`` of a layout, and the table of all classes of a world or a run.
+
+The layout is the one place that has them: worlds keep theirs, and so does the experiment beside a bag.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Annotated, Any, Final, Self
+
+import numpy as np
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
+from fieldtruth.core.errors import FieldtruthError, suggestion
+from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
+from fieldtruth.ontology import label_map_of
+
+CLASSES_KEY: Final = "classes"
+FIRST: Final = 32
+"""First id of an own class; smaller ones are for classes of ours that may come."""
+LAST: Final = 255
+WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper, which have neither buildings nor fences."""
+_GRID: Final = np.array(list(product(range(0, 256, 51), repeat=3)), np.int64)
+"""Colours (n, 3) from which those are chosen that a class does not say."""
+_Byte = Annotated[Integer, Field(ge=0, le=255)]
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9 _-]{0,63}$")]
+
+
+class OwnClass(Frozen):
+    """A class that the package does not have."""
+
+    id: Annotated[Integer, Field(ge=FIRST, le=LAST)] | None = None
+    """By default the next free one, in the order of the names."""
+    colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
+    """By default one that is far from those of all other classes."""
+    label_maps: Mapping[str, str] = {}
+    """Class of another ontology by the name of the label map; void in those that are not listed."""
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        for name, other in self.label_maps.items():
+            try:
+                known = [row.name for row in label_map_of(name).classes.values()]
+            except FieldtruthError as error:
+                raise LocatedError(str(error), ("label_maps",)) from error
+            if other not in known:
+                raise LocatedError(f"unknown class {other!r}; {suggestion(other, known)}", ("label_maps", name))
+        return self
+
+
+class ClassesConfig(Frozen):
+    """The part of a layout with a user's classes."""
+
+    classes: Mapping[_Name, OwnClass] = Field(
+        default={}, description="a mapping of names of classes to {colour: [red, green, blue], id: 32}"
+    )
+
+    @field_validator("classes")
+    @classmethod
+    def _different(cls, classes: Mapping[str, OwnClass]) -> Mapping[str, OwnClass]:
+        class_table(classes)
+        return classes
+
+
+def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> ClassTable:
+    """Return a table with a user's classes.
+
+    Raises:
+        LocatedError: a name, an id or a colour that another class has.
+    """
+    names = [as_key(name) for name in own]
+    for name, key in zip(own, names, strict=True):
+        if names.count(key) > 1 or key in {known for row in CLASSES for known in (as_key(row.name), row.key)}:
+            raise LocatedError("is the name of another class", (name,))
+    given = [each.id for each in own.values() if each.id is not None]
+    free = iter(number for number in range(FIRST, LAST + 1) if number not in given)
+    rgb = {row.rgb: row.name for row in CLASSES}
+    found: dict[int, SemanticClass] = {}
+    for name, each in own.items():
+        label = next(free, None) if each.id is None else each.id
+        if label is None or label in found or given.count(label) > 1:
+            raise LocatedError(f"must have an id of its own from {FIRST} to {LAST}", (name,))
+        if each.colour in rgb and each.colour is not None:
+            raise LocatedError(f"must differ from that of {rgb[each.colour]}", (name, "colour"))
+        found[label] = SemanticClass(label, name, each.colour)
+        rgb |= {each.colour: name} if each.colour else {}
+    for label, row in sorted(found.items()):
+        colour = row.rgb or _far_from([each for each in rgb if each])
+        found[label], rgb[colour] = row._replace(rgb=colour), row.name
+    rows = [*classes, *(SemanticClass(label, "void", None) for label in range(len(classes), max(found, default=0) + 1))]
+    for label, row in found.items():
+        rows[label] = row
+    by_name = {row.name: label for label, row in found.items()}
+    return ClassTable(rows, {by_name[name]: each.label_maps for name, each in own.items() if each.label_maps})
+
+
+def _far_from(taken: list[tuple[int, int, int]]) -> tuple[int, int, int]:
+    """Colour whose nearest other one is the farthest away."""
+    distance = np.square(_GRID[:, None] - np.array(taken)).sum(axis=2).min(axis=1)
+    red, green, blue = _GRID[distance.argmax()].tolist()
+    return red, green, blue
+
+
+def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
+    """Return the classes that a world of an environment may have, with those of its layout.
+
+    Buildings and fences come to the paper's environments with objects, or in a world that is given: its classes are in
+    the layout, even if there are none.
+
+    Raises:
+        ConfigurationError: classes that are not allowed.
+    """
+    only_ours = environment in WITHOUT_MAPS and not layout.get("objects") and CLASSES_KEY not in layout
+    return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
+
+
+def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES) -> ClassTable:
+    """Return a table with the classes of a layout; raises as ``classes_of``."""
+    own = layout.get(CLASSES_KEY)
+    if not own:
+        return classes
+    try:
+        return class_table(ClassesConfig(classes=own).classes, classes)
+    except ValidationError as report:
+        raise configuration_error(ClassesConfig, report, "layout") from report
+
+
+def as_layout(classes: ClassTable) -> dict[str, Any]:
+    """Return the value of ``classes`` in a layout that gives the own classes of a table."""
+    return {row.name: dict(_values(row, classes)) for row in classes.coloured if row.label >= FIRST}
+
+
+def _values(row: SemanticClass, classes: ClassTable) -> Iterator[tuple[str, Any]]:
+    yield "id", row.label
+    yield "colour", list(row.rgb or ())
+    if others := classes.others.get(row.label):
+        yield "label_maps", dict(others)
