@@ -25,6 +25,7 @@ from typing import Any
 import fieldtruth as ft
 from fieldtruth.bag.file import CARD, EXPERIMENT
 from fieldtruth.bag.reader import open_bag
+from fieldtruth.experiment.names import campaign_experiments
 from fieldtruth.exporters import FORMATS
 
 SECONDS = 1.0
@@ -80,7 +81,7 @@ def main() -> None:
 def parts() -> dict[str, Callable[[], dict[str, str]]]:
     """Each part's name and what makes it."""
     made: dict[str, Callable[[], dict[str, str]]] = {
-        name: partial(run, name, ft.load_experiment(name)) for name in ft.list_experiments()
+        name: partial(run, name, ft.load_experiment(name)) for name in campaign_experiments(every=False)
     }
     park = ft.load_experiment("park_1")
     made["datasheet"] = lambda: run("datasheet", ft.with_overrides(park, signal="datasheet"))

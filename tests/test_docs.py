@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from pydantic import BaseModel
@@ -18,7 +19,7 @@ from pydantic import BaseModel
 from fieldtruth import exporters
 from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, metres_from_route
 from fieldtruth.experiment.fields import Mount, condition_at, models_of
 from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
@@ -31,7 +32,10 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments import ENVIRONMENTS, PAPER
+from fieldtruth.world.environments.layout import GroundConfig
+from fieldtruth.world.environments.site.config import Config as Site
+from fieldtruth.world.environments.site.config import ElevationFile
 from fieldtruth.world.model import World
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.plants import TREES
@@ -41,6 +45,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
 RIG = (ROOT / "docs/rig.md").read_text(encoding="utf-8")
 OBJECTS = (ROOT / "docs/objects.md").read_text(encoding="utf-8")
+SITES = (ROOT / "docs/sites.md").read_text(encoding="utf-8")
 PLACES = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
@@ -142,7 +147,7 @@ def test_the_example_of_the_reference_is_an_experiment() -> None:
     assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.stereo.enabled) == (7, 1024, False)
 
 
-@pytest.mark.parametrize("name", ENVIRONMENTS)
+@pytest.mark.parametrize("name", PAPER)
 def test_the_layout_of_each_environment_is_described(name: str) -> None:
     section = PLACES.partition(f"\n### {name.capitalize()}\n")[2].partition("\n#")[0]
     described = {cells[0].strip("`"): cells for cells in table_rows(section) if cells[0].startswith("`")}
@@ -169,6 +174,28 @@ def test_every_key_of_an_own_object_is_described(heading: str, model: type[BaseM
             assert yaml.safe_load(default.strip("`")) == plain, key
         assert allowed == condition_at(model, (key,)), key
         assert meaning, key
+
+
+def test_every_key_of_a_site_is_described() -> None:
+    rows = [cells for cells in table_rows(section(SITES, "Keys")) if cells[0].startswith("`")]
+    own = [key for key in Site.model_fields if key not in GroundConfig.model_fields]
+    models = [(Site, key) for key in own] + [(ElevationFile, key) for key in ElevationFile.model_fields]
+    assert [cells[0].strip("`") for cells in rows] == [key for _, key in models]
+    for (model, key), (_, default, allowed, meaning) in zip(models, rows, strict=True):
+        if not model.model_fields[key].is_required():
+            assert yaml.safe_load(default.strip("`")) == model.model_fields[key].default, key
+        assert allowed == condition_at(model, (key,)), key
+        assert meaning, key
+
+
+def test_the_examples_of_a_site_are_one_and_its_experiment(tmp_path: Path) -> None:
+    site, drive = re.findall(r"```yaml\n# (?:.*?)\n(.*?)```", SITES, flags=re.S)
+    (tmp_path / "campus.yaml").write_text(site, encoding="utf-8")
+    experiment = parse_experiment(drive, "drive.yaml", tmp_path)
+    made = Site.model_validate(experiment.layout)
+    assert made.elevation is not None
+    assert made.elevation.path == tmp_path / "maps/dtm.tif"
+    assert np.abs(metres_from_route(experiment.route, experiment.origin)).max() < 75.0  # in the world
 
 
 def test_the_example_of_own_objects_is_an_experiment() -> None:

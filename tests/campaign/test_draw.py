@@ -16,13 +16,13 @@ from record_fakes import make_experiment
 
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import PlannedRun, draw, simulated_s
-from fieldtruth.campaign.files import ALL, dump_campaign, load_campaign, with_changes
+from fieldtruth.campaign.files import ALL, EVERY, dump_campaign, load_campaign, with_changes
 from fieldtruth.campaign.state import digest_of
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.names import EXPERIMENTS
+from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -128,7 +128,7 @@ def test_the_product_has_every_combination_once() -> None:
             rigs=[{"lidar": {"rings": r}} for r in rings],
         )
     )
-    names = {name: load_experiment(name) for name in EXPERIMENTS}
+    names = {name: load_experiment(name) for name in campaign_experiments(every=False)}
     expected = Counter(product((e.route for e in names.values()), seeds, lights, rings))
     assert expected == Counter(
         (e.route, e.seed, e.light.sun_elevation_deg, e.rig.lidar.rings) for e in (run.experiment for run in runs)
@@ -241,12 +241,15 @@ def test_runs_of_frames_have_seeds_lights_and_a_length_of_their_own() -> None:
 
 def test_all_is_the_built_in_experiments_as_they_are() -> None:
     runs = draw(load_campaign(ALL))
-    assert [run.name for run in runs] == list(EXPERIMENTS)
-    assert [run.experiment for run in runs] == [load_experiment(name) for name in EXPERIMENTS]
+    names = campaign_experiments(every=False)
+    assert [run.name for run in runs] == names
+    assert len(names) == 8
+    assert [run.experiment for run in runs] == [load_experiment(name) for name in names]
+    assert [run.name for run in draw(load_campaign(EVERY))] == list(EXPERIMENTS)
+    assert list(EXPERIMENTS)[:8] == names
     shorter = draw(with_changes(load_campaign(ALL), seconds=5, cameras=False, extras=("depth",), seed=4))
     expected = [
-        with_overrides(load_experiment(name), seconds=5, cameras=False, extras=("depth",), seed=4)
-        for name in EXPERIMENTS
+        with_overrides(load_experiment(name), seconds=5, cameras=False, extras=("depth",), seed=4) for name in names
     ]
     assert [run.experiment for run in shorter] == expected
 

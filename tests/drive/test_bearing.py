@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ground that bears wheels has every hard object of a swarm that rays see, at its height, and no other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drive_worlds import HeightFunction, flat, hills, make_robot, make_world, tilted, with_stones
@@ -12,11 +14,12 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.ground import BEARING_SPACING, bearing_field
 from fieldtruth.drive.physics import Command
+from fieldtruth.drive.traversability import stone_outlines
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import WHEELS
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world, reserved_corridors
-from fieldtruth.world.model import World
+from fieldtruth.world.model import FALLEN, LITTER, World
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 
 STONE_SIZE = (0.06, 0.04, 0.05)
@@ -148,3 +151,15 @@ def test_wheels_rise_by_the_height_of_the_stones_that_they_roll_over() -> None:
 def test_a_stone_between_the_wheels_and_grass_below_them_lift_nothing() -> None:
     assert np.abs(wheel_rise("rock_granite", 0.1)).max() < 1e-3  # it pitches as it starts
     assert np.abs(wheel_rise("blade_dry", 0.2854)).max() < 1e-3
+
+
+@pytest.mark.parametrize(("kind", "bears"), [("rock", True), (LITTER, False), (FALLEN, False)])
+def test_what_lies_loose_bears_no_wheel_and_is_no_obstacle(kind: str, bears: bool) -> None:
+    """Leaves lie on a layer of grass, which may be higher than the step that a robot can climb."""
+    world = make_world(flat, size=(4.0, 4.0))
+    poses = np.eye(4)[None]
+    poses[0, 2, 3] = 0.15
+    world = with_stones(world, [STONE], [0], poses)
+    world = replace(world, swarms=tuple(replace(swarm, kind=kind) for swarm in world.swarms))
+    assert (bearing_field(world).heights.max() > 0.1) == bears
+    assert bool(stone_outlines(world)) == bears

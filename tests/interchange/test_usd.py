@@ -21,7 +21,7 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments import PAPER
 from fieldtruth.world.model import World
 
 pytest.importorskip("pxr", reason="usd-core is not installed")
@@ -286,7 +286,7 @@ def test_full_disk_is_an_error_of_the_system(world: World, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("environment", ENVIRONMENTS)
+@pytest.mark.parametrize("environment", PAPER)
 def test_environments_have_all_their_triangles(environment: str, tmp_path: Path) -> None:
     """The ground of the park as fine as it is, that of the others with the nodes of packages for Gazebo."""
     world = load_world(environment, 0, {} if environment == "park" else DEFAULT_LAYOUT)

@@ -32,8 +32,9 @@ PIECES = {name: (make_furniture(name), LABELS[name.rpartition("_")[0]]) for name
 
 
 def test_every_piece_is_measured() -> None:
-    """Here, in ``test_power_line``, or in ``test_site_objects``."""
-    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1", "bollard"}
+    """Here, in ``test_power_line``, ``test_site_objects`` or ``test_rural``."""
+    rural = {"stone_wall_0", "stone_wall_1", "stone_wall_2", "trellis"}
+    assert set(FURNITURE) == {*SIZES, "power_pole_0", "power_pole_1", "bollard", *rural}
 
 
 def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:

@@ -2,6 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """An environment of layers does what its file says: ground, objects and plants are where the rules have them."""
 
+import os
+import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,8 +17,8 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.environments.layered.config import DESCRIPTIONS
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.config import DESCRIPTIONS, FLAT, LATE, SHAPED, Description
+from fieldtruth.world.environments.layered.expressions import FUNCTIONS, Expression
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, World
 
@@ -257,3 +261,29 @@ def test_puddles_are_hollows_with_water_of_their_own(tmp_path: Path) -> None:
         assert level - world.terrain.field.height_at(*centre) == pytest.approx(0.1, abs=0.06)
         assert (world.terrain.field.height_at(*rim.T) > level).mean() > 0.9
     assert (world.water_at(*np.array([[11.0, 7.0], [0.0, 6.0]]).T) < -100).all()
+
+
+def test_a_file_in_a_users_folder_is_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of the page on layers, in a process of its own, which reads FIELDTRUTH_PATH."""
+    page = (Path(__file__).parents[2] / "docs" / "layers.md").read_text(encoding="utf-8")
+    [text] = re.findall(r"```yaml\n(.*?)```", page, flags=re.S)
+    (tmp_path / "environments").mkdir()
+    (tmp_path / "environments" / "steppe.yaml").write_text(text)
+    (tmp_path / "environments" / "plants_only.yaml").write_text("groups: {}\n")
+    code = (
+        "import fieldtruth as ft\n"
+        "assert 'plants_only' not in ft.list_environments()\n"
+        "print(ft.list_environments()['steppe'])\n"
+        "world = ft.load_world('steppe', 1, {'size': [24, 16], 'stones': 3, 'grass': 1.0})\n"
+        "print(world.name, sum(each.kind == 'rock' for each in world.instances))"
+    )
+    variables = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}
+    made = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True, check=False)
+    assert made.stdout.splitlines() == ["steppe: feather grass on low dunes, a sandy track", "steppe 3"], made.stderr
+
+
+def test_the_page_on_layers_names_every_section_field_and_function() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "layers.md").read_text(encoding="utf-8")
+    page = re.sub(r"```.*?```", "", page, flags=re.S)
+    words = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]*)`", page))))
+    assert {*Description.model_fields, *FLAT, *SHAPED, *LATE, *FUNCTIONS, "noise"} - {"litter_amount"} <= words

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drive_worlds import make_experiment
-from object_files import HEIGHT, RADIUS, bales, barrel, entry, gate, plain, trimesh
+from object_files import HEIGHT, RADIUS, SIDES, bales, barrel, entry, gate, plain, trimesh
 from pydantic import ValidationError
 
 from fieldtruth.core import transforms
@@ -22,6 +22,7 @@ from fieldtruth.drive.traversability import obstacle_outlines
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.gazebo.worlds import Part, world_bodies
+from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.scene import Scene
@@ -34,6 +35,7 @@ from fieldtruth.world.build import check_layout, load_world, read_world, save_wo
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Instance, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
+from fieldtruth.world.objects.files import read_file
 from fieldtruth.world.placement import CrowdedWorldError, SwarmSpec
 
 
@@ -310,6 +312,26 @@ def test_bodies_for_gazebo(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         np.ptp(surfaces["bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
     )
+
+
+@pytest.mark.slow
+def test_usd_and_gltf_scenes_of_a_world_are_read_back(tmp_path: Path) -> None:
+    """Positions, number of triangles and colours of a barrel, after both of our writers and both of our readers."""
+    pytest.importorskip("pxr")
+    world = plain([entry(barrel(tmp_path / "barrel.glb"), pose=[[4, 2, 30]])])
+    for form, name in (("usd", "scene_usd"), ("gltf", "scene.glb")):
+        write_scene(world, tmp_path / name, to=form)
+        [path] = [tmp_path / name] if form == "gltf" else (tmp_path / name).glob("*.usd*")
+        parts = [part for part in read_file(path).parts if part.look.name == "barrel_blue_paint_0"]
+        [part] = parts
+        assert len(part.faces) == 4 * SIDES
+        used = part.vertices[np.unique(part.faces)]
+        middle = (4, 2, HEIGHT / 2) if form == "usd" else (4, HEIGHT / 2, -2)  # y up in glTF
+        np.testing.assert_allclose((used.min(axis=0) + used.max(axis=0)) / 2, middle, atol=1e-3)
+        assert part.look.image is not None
+        np.testing.assert_allclose(
+            part.look.image.reshape(-1, 3).mean(axis=0), (53.75, 97.5, 167.5), atol=5
+        )  # of a JPEG
 
 
 def test_a_changed_texture_makes_another_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.kernels.soil import lay_stones
-from fieldtruth.world.model import LITTER, Collider, Heightfield, Mesh, Swarm, World
+from fieldtruth.world.model import LOOSE, Collider, Heightfield, Mesh, Swarm, World
 
 BEARING_SPACING: Final = 0.05
 """Greatest spacing [m] of the nodes in a world with stones."""
@@ -77,7 +77,7 @@ def bearing_field(world: World) -> Heightfield:
 
 def hard_surfaces(world: World) -> Iterator[HardSurface]:
     """Yield what is hard and has no collider inside the world: stones of swarms, and the feet of trunks."""
-    for swarm in (each for each in world.swarms if each.kind != LITTER):
+    for swarm in (each for each in world.swarms if each.kind not in LOOSE):
         inside = (np.abs(swarm.world_from_object[:, :2, 3]) <= np.array(world.size) / 2).all(axis=1)
         for row, name in enumerate(swarm.meshes):
             faces = _faces_of(world, world.meshes[name], HARD)

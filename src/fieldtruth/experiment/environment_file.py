@@ -68,7 +68,10 @@ def read_environment(path: Path) -> Chosen:
     """Read a file, and say which environment its content is a layout of; errors as ``resolved``."""
     content = parse_mapping(read_text(path), str(path))
     if CENTRE not in content:
-        raise ConfigurationError(f"{path}: no environment: a site has the key {CENTRE}: [latitude, longitude]")
+        raise ConfigurationError(
+            f"{path}: no site, which has the key {CENTRE}: [latitude, longitude]; a file of layers is an environment "
+            "by its name, in a folder environments of FIELDTRUTH_PATH"
+        )
     if not _WORD.fullmatch(path.stem):
         raise ConfigurationError(f"{path}: must be named by at most 64 letters, digits, - and _; rename the file")
     return Chosen(SITE, {NAME: path.stem, **with_paths(content, path.parent)})

@@ -39,7 +39,7 @@ from fieldtruth.interchange.surfaces import (
     tiles_of_swarms,
 )
 from fieldtruth.render.daylight import sun_direction
-from fieldtruth.world.model import LITTER, Collider, Mesh, Swarm, World
+from fieldtruth.world.model import LOOSE, Collider, Mesh, Swarm, World
 
 SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})
 """Classes that a robot passes through. LiDAR rays hit them: water hides the ground below, and its class marks such a
@@ -191,7 +191,7 @@ def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     for tile in tiles_of_swarms(world, TILE, beyond=beyond):
         if tile.beyond == beyond:
             for surface in tile.surfaces(world):
-                solid = surface.label in HARD and not beyond and tile.swarm.kind != LITTER
+                solid = surface.label in HARD and not beyond and tile.swarm.kind not in LOOSE
                 mesh = f"{tile.name}_{surface.material}"
                 part = _part(add, tile.swarm.name, surface, mesh=mesh, solid=solid, placed=True)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
@@ -221,7 +221,7 @@ def _members(
         for part in meshes[int(swarm.mesh[member])]:
             returns = part.returns and near
             name = f"{part.name}_{member}"
-            solid = part.label in HARD and not beyond and swarm.kind != LITTER
+            solid = part.label in HARD and not beyond and swarm.kind not in LOOSE
             parts.append(replace(part, name=name, pose=pose, scale=scale, solid=solid, returns=returns))
     return Body(name=_body_name(world, swarm, beyond=beyond), parts=tuple(parts))
 

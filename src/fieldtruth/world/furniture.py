@@ -6,7 +6,8 @@ Park benches, 1.7 m wide, seat 0.45 m high: cast-iron sides, concrete sides, and
 5 m: a cast-iron column with a four-paned lantern, and a steel pole with a post-top luminaire. Tables, 0.75 m high, long
 side along y: planks on crossed legs, and a round chess table of concrete. Trash bins, about 0.9 m high: a slatted steel
 basket around a drum, and a hooded sheet-metal bin on a post. Poles of power lines: wood with a wooden cross-arm and
-brown porcelain, and concrete with a steel cross-arm and grey porcelain.
+brown porcelain, and concrete with a steel cross-arm and grey porcelain. Walls of
+dry stone lie along x, up to 1.1 m high.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,6 +24,7 @@ from fieldtruth.core.transforms import pose
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
+from fieldtruth.world.rocks import laid_stones
 from fieldtruth.world.solids import (
     at_length,
     bar_outline,
@@ -44,7 +46,9 @@ Pose = tuple[float, ...]
 class Part:
     """A solid of one material or, without a shape, a group of parts; in one place, or several times. See ``SHAPES``."""
 
-    shape: Literal["box", "beam", "strap", "lathe", "ball", "tube", "plate", "bar", "slats", "chequers"] | None = None
+    shape: (
+        Literal["box", "beam", "strap", "lathe", "ball", "tube", "plate", "bar", "slats", "chequers", "stones"] | None
+    ) = None
     material: str = ""
     points: tuple[tuple[float, ...], ...] = ()
     size: tuple[float, ...] = ()
@@ -94,6 +98,9 @@ SHAPES: Final[Mapping[str, Shape]] = {
     "bar": Shape(_MANY, (2,), 2, "points (x, z of a path) and size (width along y, thickness)"),
     "slats": Shape(_MANY, (2,), 3, "points (x, z, below planks), size (width along y, thickness, gap) and count"),
     "chequers": Shape(_NONE, (), 2, "size (side of a square, height) and count (0 or 1: squares of a colour)"),
+    "stones": Shape(
+        _NONE, (), 3, "size (along x, thickness, height) of a dry wall, and count (which of all such walls)"
+    ),
 }
 """Solids by name."""
 
@@ -181,6 +188,8 @@ def _solids(part: Part, direction: float) -> list[Mesh]:
             ]
         case "chequers":
             return [_chequers(part)]
+        case "stones":
+            return laid_stones(material, size, np.random.default_rng(part.count))
     path = part.path(direction)
     match part.shape:
         case "lathe":

@@ -27,8 +27,12 @@ from fieldtruth.world.classes import with_own
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
+FALLEN: Final = "fallen_leaves"
+"""Kind of the swarm of leaves that fell; material of the ground where they lie close."""
 LITTER: Final = "litter"
-"""Kind of the swarms of what lies loose on the ground: it bears no wheel."""
+"""Kind of the swarms of what lies loose on the ground."""
+LOOSE: Final = frozenset({LITTER, FALLEN})
+"""Kinds of swarms that bear no wheel, though their class is the ground's."""
 WIDE_IDS: Final = 1 << 16
 """Instance ids from here on do not fit into 16 bits."""
 

@@ -11,6 +11,7 @@ A pose is inclined with the slope, and so deep that no gap below the rim is visi
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -255,6 +256,54 @@ def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tupl
     body *= scale[:, None]
     body *= np.array(rock_type.proportions) * np.exp(rng.normal(0, rock_type.variety, 3))
     return body @ _random_turn(rng, rock_type.tilt).T, faces
+
+
+COURSE: Final = 0.19
+"""Mean height [m] of a course of a dry stone wall."""
+BATTER: Final = 0.3
+"""Share of its thickness at the foot that a wall loses up to its top."""
+
+
+def laid_stones(material: str, size: tuple[float, ...], rng: np.random.Generator) -> list[Mesh]:
+    """Stones of a dry wall along x, two skins of staggered courses below a course of through stones.
+
+    ``size`` [m] is length, thickness at the foot, and height above z = 0; the first course is in the soil.
+    """
+    length, thickness, height = size
+    count = max(2, round(height / COURSE))
+    inner = np.arange(1, count) + rng.uniform(-0.12, 0.12, count - 1)
+    levels = np.concatenate([[-0.12], inner * height / count, [height]])
+    stones = []
+    for k, (low, high) in enumerate(pairwise(levels)):
+        wide = thickness * (1 - BATTER * max(low, 0.0) / height)
+        for side in (0.0,) if k == count - 1 else (-1.0, 1.0):
+            depth = wide if side == 0 else 0.56 * wide
+            for start, end in pairwise(_joints(length, rng)):
+                extent = np.array([end - start, depth, high - low]) * rng.uniform([1.0, 0.88, 1.02], [1.08, 1.06, 1.22])
+                middle = (start + end) / 2, side * (wide - depth) / 2, (low + high) / 2
+                stones.append(_stone(material, extent, np.array(middle), rng))
+    return stones
+
+
+def _joints(length: float, rng: np.random.Generator) -> Array:
+    """Positions [m] along a course of its stones' ends."""
+    parts = rng.uniform(0.6, 1.6, max(2, round(length / (1.7 * COURSE) + rng.uniform(-0.6, 0.6))))
+    return np.asarray(length * (np.concatenate([[0.0], np.cumsum(parts)]) / parts.sum() - 0.5))
+
+
+def _stone(material: str, extent: Array, middle: Array, rng: np.random.Generator) -> Mesh:
+    """A hewn block of an ``extent`` (3,) [m] about its ``middle``."""
+    directions, faces = geodesic(3)
+    directions = directions @ _random_turn(rng).T
+    planes = fracture_planes(rng, 9, 0.95)
+    directions = snapped(directions, planes, 1.1 / 3)
+    body = directions * worn_radius(directions, planes, 22.0)[:, None]
+    body *= (1 + 0.025 * solid_noise(body, wavelength=0.7, octaves=2, rng=rng))[:, None]
+    body = body @ _random_turn(rng, 0.04).T
+    vertices = middle + (body - (body.max(0) + body.min(0)) / 2) / np.ptp(body, axis=0) * extent
+    normals = corner_normals(vertices, faces, 30.0)
+    uv, axis = box_uv(vertices, faces, corner_normals(vertices, faces, 89.0).mean(axis=1), rng.uniform(0, 8, (3, 2)))
+    return make_mesh("stone", *welded(vertices, faces, normals, uv / TEXTURE_LENGTH, axis), (material,))
 
 
 def _random_turn(rng: np.random.Generator, spread: float | None = None) -> Array:

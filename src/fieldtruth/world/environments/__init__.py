@@ -10,6 +10,7 @@ contain them.
 """
 
 import ast
+import re
 import sys
 from importlib.util import find_spec
 from inspect import cleandoc
@@ -17,7 +18,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.registry import Registry
+from fieldtruth.core.registry import Registry, Source, user_folders
+from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.environment_file import SITE
 
 
@@ -32,6 +34,9 @@ def _read(name: str, given: Any) -> Environment:
     """Describe a package, or a folder that is one, by the first line of its docstring."""
     if isinstance(given, Environment):
         return given
+    if isinstance(given, Path) and given.suffix == ".yaml":
+        description = str(parse_mapping(read_text(given), str(given)).get("description", ""))
+        return Environment(description, f"{__name__}.layered")
     if not isinstance(given, Path):
         return Environment(_first_line(given.__doc__), given.__name__)
     if str(given.parent) not in sys.path:
@@ -48,7 +53,20 @@ def _first_line(text: str | None) -> str:
     return cleandoc(text or "").partition("\n")[0].rstrip(".")
 
 
-ENVIRONMENTS: Final[Registry[Environment]] = Registry(
+class Environments(Registry[Environment]):
+    """Environments by name; in a user's folders also files of layers, which have the section ``ground``."""
+
+    def _added(self) -> dict[str, Source]:
+        found = super()._added()
+        for path in (path for base in user_folders() for path in sorted((base / "environments").glob("*.yaml"))):
+            if path.stem not in found and re.search(r"^ground:", path.read_text(encoding="utf-8"), re.MULTILINE):
+                if path.stem in self._own:
+                    raise ConfigurationError(f"{path}: another environment has the name {path.stem!r} already")
+                found[path.stem] = path
+        return found
+
+
+ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     "environment",
     "environments",
     "",
@@ -66,7 +84,10 @@ ENVIRONMENTS: Final[Registry[Environment]] = Registry(
         name: Environment(description, f"{__name__}.layered")
         for name, description in (
             ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
+            ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
+            ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
             ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
+            ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),
             ("wet_meadow", "wet meadow: ditches with reeds, drains, pools, soft ground, rushes, willows, a track"),
         )
     },
@@ -79,6 +100,10 @@ FROM_FILES: Final = {SITE: Environment("a site: ground, trees, paths and surface
 def find_environment(name: str, source: str = "") -> Environment:
     """Return an environment of a name, or one of ``FROM_FILES``; raises as ``Registry.find``."""
     return FROM_FILES[name] if name in FROM_FILES else ENVIRONMENTS.find(name, source)
+
+
+PAPER: Final = ("forest", "hillside", "lake", "park")
+"""Environments of the paper."""
 
 
 def list_environments() -> dict[str, str]:

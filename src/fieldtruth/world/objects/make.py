@@ -21,7 +21,7 @@ from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
 from fieldtruth.world.objects.config import UNITS, ObjectConfig
 from fieldtruth.world.objects.content import FileContent, Part
 from fieldtruth.world.objects.files import read_file
-from fieldtruth.world.objects.surfaces import made_sound, solid_faces
+from fieldtruth.world.objects.surfaces import made_sound, row_keys, solid_faces
 from fieldtruth.world.solids import TILE
 
 SIZES: Final = (0.001, 200.0)
@@ -30,6 +30,8 @@ LARGEST: Final = 1024
 """Side of a texture [texel] at most."""
 MOST_CORNERS: Final = 64
 """Of a convex hull."""
+_MANY: Final = 20_000
+"""Points of which the hull takes seconds."""
 MOST_SOLID: Final = 2000
 """Triangles of a collider that is the mesh itself."""
 THICK: Final = 0.01
@@ -79,7 +81,7 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
     corner_uv = np.where(np.array(plain)[of_part][:, None, None], _box_uv(vertices, sound.faces), uv[sound.faces])
     keys = np.concatenate([sound.faces[..., None], sound.group[..., None]], axis=-1).reshape(-1, 2)
     keys = np.column_stack([keys, np.repeat(_facing(vertices, sound.faces) * np.array(plain)[of_part], 3)])
-    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    _, first, number = np.unique(row_keys(keys), return_index=True, return_inverse=True)
     mesh = make_mesh(
         config.title, vertices[sound.faces].reshape(-1, 3)[first], sound.normals.reshape(-1, 3)[first],
         corner_uv.reshape(-1, 2)[first], number, names, np.array(rows)[of_part],
@@ -236,18 +238,23 @@ def _body(points: Array, *, box: bool = False) -> Collider:
 
 
 def _hull(points: Array, where: str) -> Array:
-    """Corners (n, 3) of the convex hull, of large ones the farthest in directions that are spread evenly."""
+    """Corners (n, 3) of the convex hull, of one with too many some of them."""
+    points = points if len(points) <= _MANY else _extremes(points)
     try:
         corners: Array = points[ConvexHull(points).vertices]
     except QhullError as error:
         raise ConfigurationError(f"{where}: is flat and has no convex hull; choose collider: mesh or none") from error
-    if len(corners) <= MOST_CORNERS:
-        return corners
+    return corners if len(corners) <= MOST_CORNERS else _extremes(corners)
+
+
+def _extremes(points: Array) -> Array:
+    """The farthest of the points (n, 3) in ``MOST_CORNERS`` directions that are spread evenly."""
     k = np.arange(MOST_CORNERS) + 0.5
     z, turn = 1.0 - 2.0 * k / MOST_CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci's sphere
     across = np.sqrt(1.0 - z * z)
     directions = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
-    return np.asarray(corners[np.unique((corners / np.ptp(corners, axis=0) @ directions.T).argmax(axis=0))])
+    sides = np.maximum(np.ptp(points, axis=0), 1e-9)
+    return np.asarray(points[np.unique([(points / sides @ direction).argmax() for direction in directions])])
 
 
 def _circles(points: Array) -> Array:

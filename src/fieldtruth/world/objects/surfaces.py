@@ -42,11 +42,18 @@ def solid_faces(vertices: Array, faces: _Rows) -> Mask:
     return np.asarray(twice > 1e-12 * np.ptp(vertices, axis=0).max() ** 2)
 
 
+def row_keys(rows: Array | _Rows) -> _Rows:
+    """Return one number (n,) for each row (n, k) of whole numbers from 0 on; NumPy sorts rows ten times as slowly."""
+    key = np.zeros(len(rows), np.int64)
+    for column in rows.astype(np.int64).T:
+        key = key * (column.max(initial=0) + 1) + column
+    return key
+
+
 def made_sound(vertices: Array, faces: _Rows) -> Sound:
     """Turn triangles so that all of a piece show one side, and closed pieces their outside; normals without creases."""
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-12)
-    _, point = np.unique(np.rint(vertices / (_CLOSE * size)).astype(np.int64), axis=0, return_inverse=True)
-    point = point.reshape(-1)
+    _, point = np.unique(row_keys(np.rint((vertices - vertices.min(axis=0)) / (_CLOSE * size))), return_inverse=True)
     one, other, same_way, lonely, crowded = _neighbours(point[faces])
     turn = _turned(vertices, faces, (one, other, same_way), lonely, crowded)
     faces = np.where(turn[:, None], faces[:, ::-1], faces)
@@ -61,8 +68,7 @@ def _neighbours(faces: _Rows) -> tuple[_Rows, _Rows, Mask, _Rows, _Rows]:
     """
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     forward = edges[:, 0] < edges[:, 1]
-    _, key, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    key = key.reshape(-1)
+    _, key, count = np.unique(row_keys(np.sort(edges, axis=1)), return_inverse=True, return_counts=True)
     order = np.argsort(key, kind="stable")
     pairs = order[(count[key] == 2)[order]].reshape(-1, 2)
     face = np.repeat(np.arange(len(faces)), 3)

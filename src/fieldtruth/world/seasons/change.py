@@ -21,11 +21,11 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import tidied
 from fieldtruth.world.grids import fractal_noise, grid_axes, make_raster
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, node_axes
+from fieldtruth.world.model import FALLEN, Material, Mesh, Raster, Swarm, Terrain, World, node_axes
 from fieldtruth.world.placement import make_swarm, random_scales, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_clump
 from fieldtruth.world.seasons import SUMMER, USUAL, Change, changes, tinted
-from fieldtruth.world.seasons.leaves import COLOUR, FALLEN, lay_leaves, leaf_falls, strewn, twigs_of, variant
+from fieldtruth.world.seasons.leaves import COLOUR, lay_leaves, leaf_falls, strewn, twigs_of, variant
 from fieldtruth.world.seasons.leaves import in_season as mesh_in_season
 from fieldtruth.world.textures import make_texture
 

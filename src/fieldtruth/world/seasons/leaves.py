@@ -28,7 +28,18 @@ from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Material, Mesh, Raster, Swarm, Terrain, World, make_mesh, merge_meshes, node_axes
+from fieldtruth.world.model import (
+    FALLEN,
+    Material,
+    Mesh,
+    Raster,
+    Swarm,
+    Terrain,
+    World,
+    make_mesh,
+    merge_meshes,
+    node_axes,
+)
 from fieldtruth.world.placement import make_swarm
 from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import Surface, gathered, unit
@@ -242,8 +253,6 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
     )
 
 
-FALLEN: Final = "fallen_leaves"
-"""Material of the ground where leaves lie close, kind of the swarm; ``kept`` of it scales the number of leaves."""
 FALL: Final = "autumn"
 """Season in which leaves fall."""
 MOST_LEAVES: Final = 22.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.layered.config import Puddles
+from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields
 from fieldtruth.world.grids import make_raster
 from fieldtruth.world.model import Mesh, Raster, make_mesh
@@ -20,6 +21,8 @@ RISE: Final = 0.02
 """Height [m] of a puddle's rim above its water at least."""
 RIM: Final = 0.5
 """Width [m] of the rim that is raised to that."""
+ROBOT: Final = 0.7
+"""Distance [m] from a corridor's centre line that stays dry: half of a robot's width, and some."""
 TRIES: Final = 400
 _SIDES: Final = 48
 _TILE: Final = 3.0  # [m] of water that its texture covers
@@ -71,12 +74,14 @@ def dig_puddles(fields: Fields, puddles: Puddles, heights: Array, rng: np.random
 def _scattered(fields: Fields, puddles: Puddles, rng: np.random.Generator) -> list[Puddle]:
     darts = rng.uniform(-0.5, 0.5, (TRIES * max(1, puddles.count // 4), 2)) * (np.array(fields.size) - 4.0)
     darts = darts[rng.random(len(darts)) < fields.at(puddles.where, darts)]
+    corridor = fields.at(Expression("corridor"), darts)
     found: list[Puddle] = []
-    for x, y in darts.tolist():
+    for (x, y), clear in zip(darts.tolist(), corridor.tolist(), strict=True):
         radius = float(np.exp(rng.uniform(*np.log(puddles.radius))))
         if len(found) == puddles.count:
             break
-        if all(np.hypot(x - other.x, y - other.y) > 1.4 * (radius + other.radius) + 2 * RIM for other in found):
+        away = [np.hypot(x - other.x, y - other.y) - 1.4 * (radius + other.radius) for other in found]
+        if clear > 1.4 * radius + ROBOT and min(away, default=np.inf) > 2 * RIM:
             waves = tuple(
                 (k, float(rng.uniform(0.3, 1.0)) * share, float(rng.uniform(0.0, 6.3)))
                 for k, share in ((2, 0.26), (3, 0.14), (5, 0.06))
