@@ -32,6 +32,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
+from fieldtruth.world.classes import OwnClass
 from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.environments.site.config import Config as Site
@@ -163,7 +164,9 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
         assert meaning, key
 
 
-@pytest.mark.parametrize(("heading", "model"), [("Keys", ObjectConfig), ("Scatter", ScatterConfig)])
+@pytest.mark.parametrize(
+    ("heading", "model"), [("Keys", ObjectConfig), ("Classes", OwnClass), ("Scatter", ScatterConfig)]
+)
 def test_every_key_of_an_own_object_is_described(heading: str, model: type[BaseModel]) -> None:
     described = {cells[0].strip("`"): cells for cells in table_rows(section(OBJECTS, heading)) if cells[0][0] == "`"}
     assert list(described) == list(model.model_fields)
@@ -202,6 +205,19 @@ def test_the_example_of_own_objects_is_an_experiment() -> None:
     text, *_ = re.findall(r"```yaml\n(.*?)```", OBJECTS, flags=re.S)
     experiment = parse_experiment(text)
     layout_model(experiment.environment).model_validate(experiment.layout)
+
+
+def test_the_layers_of_each_landscape_are_described() -> None:
+    rows = table_rows(PLACES.partition("\n## Further landscapes\n")[2].partition("\n## ")[0])
+    described = {cells[0].strip("`"): cells for cells in rows if cells[0].startswith("`")}
+    assert sorted(described) == sorted(name for name in ENVIRONMENTS if name not in PAPER)
+    common = {*layout_model("park").model_fields, "trails", "trail_width"}
+    for name, (_, meaning, objects, plants) in described.items():
+        assert meaning
+        layers = [
+            f"{key}: {field.default}" for key, field in layout_model(name).model_fields.items() if key not in common
+        ]
+        assert re.findall(r"`([^`]+)`", f"{objects}, {plants}") == layers, name
 
 
 def test_the_example_of_a_layout_is_an_experiment() -> None:

@@ -149,6 +149,8 @@ def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
         elif get_origin(annotation) is tuple and isinstance(step, int):
             items = get_args(annotation)
             info = FieldInfo.from_annotation(items[0 if Ellipsis in items else min(step, len(items) - 1)])
+        elif get_origin(annotation) is Mapping and models_of(get_args(annotation)[1]):
+            info = FieldInfo.from_annotation(get_args(annotation)[1])
         else:
             break
         annotation = info.annotation

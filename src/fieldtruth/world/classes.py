@@ -5,6 +5,7 @@
 The layout is the one place that has them: worlds keep theirs, and so does the experiment beside a bag.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Annotated, Any, Final, Self
@@ -26,7 +27,7 @@ WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
 _GRID: Final = np.array(list(product(range(0, 256, 51), repeat=3)), np.int64)
 """Colours (n, 3) from which those are chosen that a class does not say."""
 _Byte = Annotated[Integer, Field(ge=0, le=255)]
-_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9 _-]{0,63}$")]
+_NAME: Final = re.compile("[A-Za-z][A-Za-z0-9 _-]{0,63}")
 
 
 class OwnClass(Frozen):
@@ -36,7 +37,9 @@ class OwnClass(Frozen):
     """By default the next free one, in the order of the names."""
     colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
     """By default one that is far from those of all other classes."""
-    label_maps: Mapping[str, str] = {}
+    label_maps: Mapping[str, str] = Field(
+        default={}, description="a mapping of names of label maps to one of their classes"
+    )
     """Class of another ontology by the name of the label map; void in those that are not listed."""
 
     @model_validator(mode="after")
@@ -54,7 +57,7 @@ class OwnClass(Frozen):
 class ClassesConfig(Frozen):
     """The part of a layout with a user's classes."""
 
-    classes: Mapping[_Name, OwnClass] = Field(
+    classes: Mapping[str, OwnClass] = Field(
         default={}, description="a mapping of names of classes to {colour: [red, green, blue], id: 32}"
     )
 
@@ -73,6 +76,8 @@ def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> C
     """
     names = [as_key(name) for name in own]
     for name, key in zip(own, names, strict=True):
+        if not _NAME.fullmatch(name):
+            raise LocatedError("must be named by at most 64 letters, digits, spaces, - and _", (name,))
         if names.count(key) > 1 or key in {known for row in CLASSES for known in (as_key(row.name), row.key)}:
             raise LocatedError("is the name of another class", (name,))
     given = [each.id for each in own.values() if each.id is not None]
