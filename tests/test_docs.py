@@ -32,6 +32,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
+from fieldtruth.world.classes import OwnClass
 from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.environments.site.config import Config as Site
@@ -163,7 +164,9 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
         assert meaning, key
 
 
-@pytest.mark.parametrize(("heading", "model"), [("Keys", ObjectConfig), ("Scatter", ScatterConfig)])
+@pytest.mark.parametrize(
+    ("heading", "model"), [("Keys", ObjectConfig), ("Classes", OwnClass), ("Scatter", ScatterConfig)]
+)
 def test_every_key_of_an_own_object_is_described(heading: str, model: type[BaseModel]) -> None:
     described = {cells[0].strip("`"): cells for cells in table_rows(section(OBJECTS, heading)) if cells[0][0] == "`"}
     assert list(described) == list(model.model_fields)

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.classes import Label
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 from fieldtruth.world.build import build_world
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.environments.layered.config import DESCRIPTIONS, FLAT, LATE, SHAPED, Description
+from fieldtruth.world.environments.layered.config import DESCRIPTIONS, FLAT, LATE, SHAPED, Description, model_of
 from fieldtruth.world.environments.layered.expressions import FUNCTIONS, Expression
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, World
@@ -123,6 +123,7 @@ def environment(path: Path, text: str = TEXT) -> Iterator[str]:
         ENVIRONMENTS.pop(path.stem, None)
         for library in (DESCRIPTIONS, PLANTINGS):
             library.remove(path.stem)
+        model_of.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -227,6 +228,7 @@ def test_the_layers_are_keys_of_the_layout(tmp_path: Path) -> None:
         ("line: ditch", "line: dich", "objects.posts.along: unknown line 'dich'"),
         ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
         ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
+        ("litter_amount: 0", "season: wintr", "unknown season 'wintr'; did you mean 'winter'"),
     ],
 )
 def test_a_mistake_in_a_file_is_one_line(old: str, new: str, message: str, tmp_path: Path) -> None:
@@ -239,6 +241,25 @@ def test_a_mistake_in_a_file_is_one_line(old: str, new: str, message: str, tmp_p
     with pytest.raises(ConfigurationError, match=message) as report, environment(path, text):
         pass
     assert str(path) in str(report.value)
+    assert "\n" not in str(report.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("oak: [3, 4]", "oak: [0.1, 0.2]", "environment wrong: groups.tree: height of oak must be between"),
+        (
+            "slope: 0.05 * x",
+            "slope: log(x)",
+            r"the rule 'log\(x\)' must be finite, got none at x -12.0 m, y -8.0 m",
+        ),
+        ("count: 6,", "count: 300, spacing: 4,", "objects of kind rock fit in the world; reduce the layout's count"),
+    ],
+)
+def test_a_world_that_cannot_be_made_is_one_line(old: str, new: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    with environment(path, TEXT.replace(old, new)) as name, pytest.raises(FieldtruthError, match=message) as report:
+        build_world(name, 3)
     assert "\n" not in str(report.value)
 
 

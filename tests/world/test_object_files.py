@@ -4,6 +4,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,10 @@ import pytest
 from object_files import HEIGHT, RADIUS, SIDES, Y_UP, bales, barrel, entry, trimesh
 from pydantic import ValidationError
 
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, FieldtruthWarning
 from fieldtruth.sensors.lidar.sensing import Reflectance, reflectance_of
-from fieldtruth.world.model import Mesh
+from fieldtruth.world.model import Material, Mesh
 from fieldtruth.world.objects import files
 from fieldtruth.world.objects.config import ObjectConfig
 from fieldtruth.world.objects.files import with_named
@@ -290,3 +291,12 @@ def test_a_repair_of_a_broken_usd_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.usda").write_text("#usda 1.0\ndef Mesh {")
     assert "cannot be read as USD" in refusal(tmp_path / "a.usda")
     assert issubclass(ConfigurationError, FieldtruthError)
+
+
+@pytest.mark.parametrize("label", [*(each for each in Label if each not in NOT_OF_WORLDS), 32, 255])
+def test_a_surface_of_each_class_reflects(label: int) -> None:
+    """Also where no table has its material; a class of the user's own as what is not known."""
+    material = Material(name="mine", label=label, texture="mine")
+    unknown = reflectance_of(replace(material, label=Label.VOID))
+    assert 0 < reflectance_of(material).value < 1 or label == Label.SKY
+    assert (reflectance_of(material) == unknown) == (label > 31 or label == Label.VOID)

@@ -13,7 +13,7 @@ from object_files import HEIGHT, RADIUS, SIDES, bales, barrel, entry, gate, plai
 from pydantic import ValidationError
 
 from fieldtruth.core import transforms
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, RouteError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.drive.plan import plan_route
@@ -29,11 +29,12 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensor import camera_matrix
+from fieldtruth.sensors.lidar.sensing import reflectance_of
 from fieldtruth.simulation.motion import _depth
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import check_layout, load_world, read_world, save_world
 from fieldtruth.world.grids import Line, Trail
-from fieldtruth.world.model import Instance, World, make_mesh
+from fieldtruth.world.model import Instance, Material, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
 from fieldtruth.world.objects.files import read_file
 from fieldtruth.world.placement import CrowdedWorldError, SwarmSpec
@@ -280,6 +281,17 @@ def test_a_robot_passes_a_gate_that_is_a_mesh_but_not_its_hull(tmp_path: Path) -
     with pytest.raises(DriveError, match="robot touched gate_1"):
         drive(beside, experiment)
     assert plan_route(plain([entry(path, pose=[3, 1.5], collider="none")]), experiment) == experiment.route
+
+
+def test_every_class_of_an_object_has_a_reflectance() -> None:
+    table = {
+        label: reflectance_of(Material(name="m", label=label, texture="t")) for label in CLASSES.of_objects.values()
+    }
+    assert all(0 < found.value < 1 for found in table.values())
+    assert table[Label.WATER].value < 0.05 < table[Label.BUILDING].value
+    own = Material(name="m", label=32, texture="t")
+    assert reflectance_of(own).value == 0.3
+    assert reflectance_of(replace(own, reflectance=0.8)).value == 0.8
 
 
 def test_depth_in_a_hull(tmp_path: Path) -> None:

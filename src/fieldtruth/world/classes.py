@@ -35,7 +35,9 @@ class OwnClass(Frozen):
     """By default the next free one, in the order of the names."""
     colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
     """By default one that is far from those of all other classes."""
-    label_maps: Mapping[str, str] = {}
+    label_maps: Mapping[str, str] = Field(
+        default={}, description="a mapping of names of label maps to one of their classes"
+    )
     """Class of another ontology by the name of the label map; void in those that are not listed. The names are checked
     before a world is built, in ``simulation``: worlds do not depend on label maps."""
 
@@ -99,7 +101,7 @@ def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     """Return the classes that a world of an environment may have, with those of its layout.
 
     Buildings and fences come to the paper's environments with objects, or in a world that is given: its classes are in
-    the layout, even if there are none.
+    the layout, even if it is empty.
 
     Raises:
         ConfigurationError: classes that are not allowed.

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import NO_RETURN, Label
+from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.experiment.light_config import WeatherConfig
@@ -202,7 +202,8 @@ def reflectance_of(material: Material) -> Reflectance:
         table["ground_types"].get(material.ground_type),
         table["textures"].get(material.texture),
     )
-    return next((each for each in found if each is not None), table["classes"][material.label.name.lower()])
+    name = CLASSES[material.label].key if material.label < len(CLASSES) else "void"  # of a class of a user's own
+    return next((each for each in found if each is not None), table["classes"][name])
 
 
 def echo_buffers(echoes: int, columns: int, rings: int) -> EchoBuffers:

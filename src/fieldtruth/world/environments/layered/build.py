@@ -14,7 +14,7 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.placing import place_objects, scatter_plants, specified
+from fieldtruth.world.environments.layered.placing import grown, place_objects, scatter_plants, specified
 from fieldtruth.world.environments.layered.puddles import Wet, add_sheets, dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
@@ -197,7 +197,7 @@ def _swarms_beyond(builder: WorldBuilder, fields: Fields, config: Any, backdrop:
     swarms = []
     for name, layer in fields.description.beyond.swarms.items():
         rng = rng_of(fields.seed, f"beyond.{name}")
-        spec = specified(f"{name}_beyond", layer, config.planter.grow(layer.group, rng), layer.per_m2)
+        spec = specified(f"{name}_beyond", layer, grown(config, layer.group, rng), layer.per_m2)
         within, margin = layer.within, layer.margin
         swarms.append(scatter_beyond(config.size, ground, spec, rng, within=within, margin=margin))
     return swarms

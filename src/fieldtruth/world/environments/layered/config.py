@@ -30,7 +30,7 @@ from fieldtruth.world.furniture import FURNITURE
 from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.library import Entry, Library
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.seasons import SUMMER
+from fieldtruth.world.seasons import SUMMER, seasons
 
 Rule = Annotated[Expression, PlainValidator(Expression)]
 Distance = Annotated[Number, Field(ge=0)]
@@ -41,7 +41,7 @@ SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 LATE: Final = frozenset({"crown", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, 0 before there are any, and height [m] of
-the ground above the water, large where there is none."""
+the ground above the water, large where it is dry."""
 
 
 class Rows(Frozen):
@@ -169,6 +169,8 @@ class Description(Frozen):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
+        if self.season not in seasons():
+            raise ValueError(f"unknown season {self.season!r}; {suggestion(self.season, seasons())}")
         for key, names in self._materials():
             for name in (name for name in names if name not in MATERIALS):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")

@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.config import Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
@@ -57,7 +58,11 @@ class Fields:
             return cache[name]
 
         draw = self._noise(noise) if noise else None
-        return np.broadcast_to(rule.values(lookup, draw), (len(xy),)).astype(np.float64)
+        values = np.broadcast_to(rule.values(lookup, draw), (len(xy),)).astype(np.float64)
+        if not np.isfinite(values).all():
+            x, y = xy[int(np.argmin(np.isfinite(values)))]
+            raise ConfigurationError(f"the rule {rule.text!r} must be finite, got none at x {x:.1f} m, y {y:.1f} m")
+        return values
 
     def on(self, rule: Expression, axes: Axes, *, noise: str = "") -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""

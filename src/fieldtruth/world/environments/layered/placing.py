@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.config import Along, Objects, Plants, Rows
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.furniture import make_furniture
@@ -32,7 +33,7 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         rng, amount = rng_of(fields.seed, f"objects.{name}"), getattr(config, name)
         if not amount:
             continue
-        meshes = config.planter.grow(layer.group, rng) if layer.group else [make_furniture(n) for n in layer.furniture]
+        meshes = grown(config, layer.group, rng) if layer.group else [make_furniture(n) for n in layer.furniture]
         meshes = [replace(mesh, footprint=layer.room * mesh.footprint) for mesh in meshes]
         own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint")}
         group = ObjectGroup(kind=layer.kind or name, meshes=meshes, count=amount if layer.count else 0, **own)
@@ -45,6 +46,19 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         else:
             darts = builder.random_positions(builder.tries(TRIES), rng)
             builder.place(group, rng, darts[allowed(darts)], pose=_pose(builder, layer))
+
+
+def grown(config: Any, group: str, rng: np.random.Generator) -> list[Mesh]:
+    """Grow the individuals of a group.
+
+    Raises:
+        ConfigurationError: a species cannot be as high as the file says.
+    """
+    try:
+        meshes: list[Mesh] = config.planter.grow(group, rng)
+        return meshes
+    except ValueError as error:
+        raise ConfigurationError(f"environment {config.environment}: groups.{group}: {error}") from error
 
 
 def _chance(fields: Fields, layer: Objects | Plants, rng: np.random.Generator) -> Callable[[Array], Mask]:
@@ -137,7 +151,7 @@ def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         rng, amount = rng_of(fields.seed, f"plants.{name}"), getattr(config, name)
         if not amount:
             continue
-        meshes = config.planter.grow(layer.group, rng)
+        meshes = grown(config, layer.group, rng)
         spec = specified(name, layer, meshes, amount)
         if layer.rows is None:
             builder.scatter_swarm(spec, rng, lambda xy, rule=layer.where: fields.at(rule, xy))  # type: ignore[misc]
