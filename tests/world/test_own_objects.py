@@ -16,6 +16,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, RouteError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
+from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import obstacle_outlines
@@ -296,7 +297,10 @@ def test_a_robot_passes_a_gate_that_is_a_mesh_but_not_its_hull(tmp_path: Path) -
     beside = plain([entry(path, pose=[3, 1.5], collider="mesh")])  # a post in the way
     with pytest.raises(DriveError, match="robot touched gate_1"):
         drive(beside, experiment)
-    assert plan_route(plain([entry(path, pose=[3, 1.5], collider="none")]), experiment) == experiment.route
+    for label in ("trash bin", "trunk", "rock"):  # roots of trunks and stones would bear wheels
+        passable = plain([entry(path, pose=[3, 1.5], collider="none", label=label)])
+        assert plan_route(passable, experiment) == experiment.route
+        assert bearing_field(passable).heights.max() == 0.0
 
 
 def test_every_class_of_an_object_has_a_reflectance() -> None:
