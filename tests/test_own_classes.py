@@ -5,6 +5,7 @@
 import json
 import re
 import runpy
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from fieldtruth.ontology import label_map_of
 from fieldtruth.report.shares import ClassShares, shares_table
 from fieldtruth.validation.world import allowed_by_name
 from fieldtruth.world.build import check_layout
-from fieldtruth.world.classes import FIRST, as_layout, classes_of, with_own
+from fieldtruth.world.classes import CLASSES_FILE, FIRST, as_layout, classes_of, with_own
 
 NAME, COLOUR, ID = "hay_bale", (200, 180, 60), 32
 OWN = {NAME: {"colour": list(COLOUR), "label_maps": {"rellis": "vehicle"}}, "crate": {"id": 77}}
@@ -206,6 +207,16 @@ def test_the_bag_passes_its_checks(folder: Path, run: Run) -> None:
     by_name = allowed_by_name(("bench_1", "hay_bale_1"))
     assert by_name[:, ID].all()
     assert not by_name[0, Label.ROCK]
+
+
+def test_a_bag_from_elsewhere_has_them_in_a_file_beside_it(run: Run, tmp_path: Path) -> None:
+    bag = Path(shutil.copy(run.bag, tmp_path / "elsewhere.bag"))
+    assert open_run(bag).classes == CLASSES
+    bag.with_suffix(CLASSES_FILE).write_text(yaml.safe_dump({"classes": as_layout(run.classes)}))
+    assert open_run(bag).classes == run.classes
+    bag.with_suffix(CLASSES_FILE).write_text("classes: {hay_bale: {id: 3}}")
+    with pytest.raises(ConfigurationError, match=r"elsewhere.classes.yaml: classes.hay_bale.id must be an integer"):
+        _ = open_run(bag).classes
 
 
 def test_scenes_have_it(world: ft.World, tmp_path: Path) -> None:
