@@ -16,6 +16,7 @@ from openpyxl import load_workbook
 from PIL import Image
 
 import fieldtruth as ft
+from fieldtruth.bag.decode import points
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
@@ -217,6 +218,15 @@ def test_a_bag_from_elsewhere_has_them_in_a_file_beside_it(run: Run, tmp_path: P
     bag.with_suffix(CLASSES_FILE).write_text("classes: {hay_bale: {id: 3}}")
     with pytest.raises(ConfigurationError, match=r"elsewhere.classes.yaml: classes.hay_bale.id must be an integer"):
         _ = open_run(bag).classes
+
+
+def test_an_annotated_bag_has_them(run: Run, world: ft.World, tmp_path: Path) -> None:
+    lidar = ft.Rig.model_validate({"sensors": RIG["sensors"][:1]})
+    made = ft.annotate(run.bag, ft.WorldConfig("park"), rig=lidar, scene=ft.Scene(world), out=tmp_path / "a.bag")
+    found = open_run(made)
+    assert found.classes[ID] == (ID, NAME, COLOUR)
+    topic = next(each.topic for each in run.of(ft.Cloud))
+    assert all(ID in points(reading.value)["label"] for reading in found.messages(topic))
 
 
 def test_scenes_have_it(world: ft.World, tmp_path: Path) -> None:
