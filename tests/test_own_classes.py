@@ -17,7 +17,7 @@ from PIL import Image
 import fieldtruth as ft
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.datasets import RunDataset, Runs
 from fieldtruth.exporters import export
 from fieldtruth.exporters.occupancy import Lattice, voxels_of
@@ -289,14 +289,25 @@ def test_buildings_and_fences_are_only_where_they_can_be() -> None:
         ({"a": {"colour": [0, 0, 256]}}, r"classes.a.colour.* must be .*, got 256"),
         ({"a": {"rgb": [0, 0, 255]}}, r"unknown key 'classes.a.rgb'; .*Available: id, colour, label_maps"),
         ({"a": 3}, r"classes.a must be a mapping with the keys id, colour, label_maps, got 3"),
-        ({"a": {"label_maps": {"rellis": "car"}}}, r"classes.a.label_maps.rellis unknown class 'car'; "),
-        ({"a": {"label_maps": {"relis": "vehicle"}}}, r"unknown label map 'relis'; did you mean 'rellis'"),
     ],
 )
 def test_what_is_wrong_is_one_line(own: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words) as error:
         check_layout("park", {"classes": own})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("others", "words"),
+    [
+        ({"rellis": "car"}, r"layout: classes.a.label_maps.rellis: unknown class 'car'; "),
+        ({"relis": "vehicle"}, r"unknown label map 'relis'; did you mean 'rellis'"),
+    ],
+)
+def test_unknown_classes_of_others_are_named_before_a_run(others: dict[str, str], words: str) -> None:
+    values = {"name": "own", "environment": "park", "layout": {"classes": {"a": {"label_maps": others}}}}
+    with pytest.raises(UnknownNameError, match=words):
+        ft.Simulation(ft.Experiment.model_validate(values | {"route": ROUTE}))
 
 
 @pytest.mark.slow

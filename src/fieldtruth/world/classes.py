@@ -8,15 +8,13 @@ The layout is the one place that has them: worlds keep theirs, and so does the e
 import re
 from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator
 
 from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
-from fieldtruth.core.errors import FieldtruthError, suggestion
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
-from fieldtruth.ontology import label_map_of
 
 CLASSES_KEY: Final = "classes"
 FIRST: Final = 32
@@ -40,18 +38,8 @@ class OwnClass(Frozen):
     label_maps: Mapping[str, str] = Field(
         default={}, description="a mapping of names of label maps to one of their classes"
     )
-    """Class of another ontology by the name of the label map; void in those that are not listed."""
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        for name, other in self.label_maps.items():
-            try:
-                known = [row.name for row in label_map_of(name).classes.values()]
-            except FieldtruthError as error:
-                raise LocatedError(str(error), ("label_maps",)) from error
-            if other not in known:
-                raise LocatedError(f"unknown class {other!r}; {suggestion(other, known)}", ("label_maps", name))
-        return self
+    """Class of another ontology by the name of the label map; void in those that are not listed. The names are checked
+    before a world is built, in ``simulation``: worlds do not depend on label maps."""
 
 
 class ClassesConfig(Frozen):
