@@ -32,7 +32,7 @@ from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.sensing import reflectance_of
 from fieldtruth.simulation.motion import _depth
 from fieldtruth.validation.runner import validate
-from fieldtruth.world.build import check_layout, load_world, read_world, save_world
+from fieldtruth.world.build import build_world, check_layout, load_world, read_world, save_world
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Instance, Material, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
@@ -163,6 +163,22 @@ def test_layouts_of_all_environments_take_objects(tmp_path: Path) -> None:
         check_layout("park", {"objects": [good | {"file": str(tmp_path / "other.glb")}]})
     with pytest.raises(ValidationError):
         ObjectConfig.model_validate(good | {"scale": 0})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), [("forest", [24, 16]), ("hillside", [24, 16]), ("thicket", [24, 16])])
+def test_environments_stand_and_scatter_objects(tmp_path: Path, name: str, size: list[int]) -> None:
+    """Those with a place have the first ids; nothing that is placed later overlaps one."""
+    stand = {"file": str(bales(tmp_path / "bales.stl")), "label": "fence", "pose": [4, 3, 20]}
+    scatter = {"file": str(barrel(tmp_path / "barrel.glb")), "label": "trash bin", "scatter": {"count": 5}}
+    world = build_world(name, 0, {"size": size, "grid": 0.1, "objects": [stand, scatter]})
+    assert world.object_names[2] == "bales_1"
+    assert [each.name for each in own(world, "barrel")] == [f"barrel_{k}" for k in range(1, 6)]
+    assert {"bales_plain_0", "barrel_blue_paint_0"} <= set(world.materials)
+    taken = [(*each.world_from_object[:2, 3], world.meshes[each.mesh]) for each in world.instances]
+    for x, y, mesh in taken:
+        if mesh.name != "bales" and mesh.colliders:
+            assert np.hypot(x - 4, y - 3) > 0.25  # half the wall's thickness
 
 
 def test_a_stored_world_keeps_its_objects(tmp_path: Path) -> None:
