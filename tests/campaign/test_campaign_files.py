@@ -168,3 +168,16 @@ rigs:
     file.write_text(text.replace("frame: mast", "frame: mast_2"))
     with pytest.raises(ConfigurationError, match=r"^.*masts\.yaml: rigs: sensors\[0\]\.frame .*mast"):
         load_campaign(file)
+
+
+def test_objects_of_layouts_lie_beside_the_file(tmp_path: Path) -> None:
+    """Their paths are those that a run in any folder needs; numbers of their rules are drawn."""
+    entry = "{file: rocks/a.glb, label: rock, scatter: {count: {integers: [2, 6]}}}"
+    (tmp_path / "rocks").mkdir()
+    (tmp_path / "rocks" / "a.glb").write_bytes(b"")
+    seeds, layouts = "seeds: {integers: [0, 99]}", f"layouts: {{park: {{objects: [{entry}]}}}}"
+    (tmp_path / "c.yaml").write_text(f"{DRAWN.replace('4', '8')}{seeds}\n{layouts}\n")
+    objects = [run.experiment.layout["objects"][0] for run in draw(load_campaign(tmp_path / "c.yaml"))]
+    assert {each["file"] for each in objects} == {str(tmp_path / "rocks" / "a.glb")}
+    assert {each["scatter"]["count"] for each in objects} <= set(range(2, 7))
+    assert len({each["scatter"]["count"] for each in objects}) > 1

@@ -115,7 +115,7 @@ def test_a_site_is_one_world_for_the_split_and_another_site_another(site: Path) 
 @pytest.mark.parametrize(
     ("name", "content", "text"),
     [
-        ("a.yaml", "surface: lawn", r"a\.yaml: no environment: a site has the key centre"),
+        ("a.yaml", "surface: lawn", r"a\.yaml: no site, which has the key centre"),
         ("my site.yaml", "centre: [0, 0]", "rename the file"),
         ("a.yaml", "- 1", r"a\.yaml: must be a mapping"),
         ("a.yaml", None, r"cannot read .*a\.yaml: No such file"),

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from fieldtruth.maps.canopy import Canopy
-from fieldtruth.maps.trees import CROWN_WIDTH, Tree, _watershed, find_trees
+from fieldtruth.maps.trees import CROWN_WIDTH, Tree, _watershed, fill_canopy, find_trees
 
 SIDE = 100.0
 
@@ -187,3 +187,19 @@ def test_crowns_are_those_of_a_flooding_from_the_tops(seed: int) -> None:
     assert len(tops) > 4
     crowns = _watershed(image, inside, tops).reshape(image.shape)
     assert (crowns == flooded(image, inside, [divmod(int(t), 90) for t in tops])).mean() > 0.995
+
+
+def test_a_canopy_is_filled_by_the_lower_trees_that_it_needs() -> None:
+    row, column = np.meshgrid(np.arange(81), np.arange(81), indexing="ij")
+    x, y = 0.25 * (row - 40), 0.25 * (column - 40)
+    heights = np.zeros(x.shape)
+    for at, height, radius in ((-4.0, 20.0, 4.0), (3.0, 12.0, 1.3), (7.0, 4.0, 0.5)):
+        share = np.hypot(x - at, y) / radius
+        heights = np.maximum(heights, np.where(share <= 1.0, height * (1.0 - 0.45 * share**2), 0.0))
+    seen = Canopy(Path("a.tif"), heights.astype(np.float32), np.array([[0.25, 0, -10.0], [0, 0.25, -10.0]]), (20, 20))
+    lower = fill_canopy(seen, [Tree(-4.0, 0.0, 20.0, 4.0, None, None)])
+    assert [(tree.x, tree.y, tree.height) for tree in lower] == [
+        pytest.approx((3.0, 0.0, 12.0), abs=0.01),
+        pytest.approx((7.0, 0.0, 4.0), abs=0.01),
+    ]
+    assert fill_canopy(seen, [Tree(-4.0, 0.0, 20.0, 4.0, None, None), *lower]) == []

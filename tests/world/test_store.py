@@ -25,7 +25,7 @@ def builds(monkeypatch: pytest.MonkeyPatch, park: World) -> list[tuple[str, int]
     """Calls of a builder that takes no time."""
     calls: list[tuple[str, int]] = []
 
-    def quick(environment: str, seed: int = 0, _layout: object = None) -> World:
+    def quick(environment: str, seed: int = 0, _layout: object = None, **_: object) -> World:
         calls.append((environment, seed))
         return replace(small(park), seed=seed)
 

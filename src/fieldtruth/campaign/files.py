@@ -19,7 +19,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputEr
 from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.environment_file import Chosen, is_environment_file
+from fieldtruth.experiment.environment_file import Chosen, is_environment_file, with_paths
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
@@ -94,7 +94,7 @@ def _environments(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     found = {"environments": made(data["environments"])} if "environments" in data else {}
     if isinstance(layouts := data.get("layouts"), dict):
-        found["layouts"] = {made(key): tree for key, tree in layouts.items()}
+        found["layouts"] = {made(key): tree for key, tree in with_paths(layouts, folder).items()}
     return found
 
 

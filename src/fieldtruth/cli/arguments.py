@@ -73,13 +73,13 @@ def _integer(text: str, allowed: range, condition: str) -> int:
     return value
 
 
-def checked_layout(environment: str, path: Path) -> dict[str, Any]:
-    """Read a file with changes to an environment's layout and check it; raises as ``check_layout``."""
+def checked_layout(environment: str, path: Path, base: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Read a file with changes to a layout, and check them over ``base``; raises as ``check_layout``."""
     from fieldtruth.core.yaml_io import parse_mapping, read_text
     from fieldtruth.world.build import check_layout
 
     layout = with_paths(parse_mapping(read_text(path), str(path)), path.parent)
-    check_layout(environment, layout, str(path))
+    check_layout(environment, {**(base or {}), **layout}, str(path))
     return layout
 
 
@@ -99,8 +99,9 @@ def chosen(
         find_environment(options.environment)  # what follows takes a second to load
     from fieldtruth.world.build import check_layout
 
-    check_layout(options.environment, like)
-    changes = {} if options.layout is None else checked_layout(options.environment, options.layout)
+    if options.layout is None or like or is_environment_file(options.environment):
+        check_layout(options.environment, like)
+    changes = {} if options.layout is None else checked_layout(options.environment, options.layout, like)
     environment, own = resolved(options.environment)
     return Chosen(environment, {**(default or {}), **own, **(like or {}), **changes})
 

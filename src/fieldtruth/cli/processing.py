@@ -46,13 +46,13 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.rig import Rig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
-    if like is not None and like.world_name != world_name(options.environment):
+    if like is not None and world_name(options.environment) not in (like.world_name, like.environment):
         expected = f"{like.world_name!r}, the environment of {options.experiment}"
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.clouds:
         rig = rig.with_each(lambda each: {"enabled": False} if issubclass(each.gives, Cloud) else {})
-    environment, layout = chosen(options)
+    environment, layout = chosen(options, None, None if like is None else like.layout)
     world = (
         WorldConfig(environment, layout=layout)
         if like is None

@@ -12,7 +12,7 @@ from fieldtruth.cli.terminal import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.files import output_path
 from fieldtruth.core.progress import show_progress
-from fieldtruth.experiment.environment_file import world_name
+from fieldtruth.experiment.environment_file import is_environment_file, world_name
 
 if TYPE_CHECKING:
     from fieldtruth.core.cache_folder import Entry
@@ -78,6 +78,10 @@ def _gazebo(options: argparse.Namespace) -> None:
     with show_progress() as progress:
         with progress.stage("build the world"):
             world = selected_world(options, DEFAULT_LAYOUT, {} if like is None else like.layout)
+        experiments = None
+        if is_environment_file(options.environment):
+            with progress.stage("plan the route"):
+                experiments = [_planned(world, like or _first_in(options.environment))]
         with progress.stage("write the package"):
             out = write_gazebo(
                 world,
@@ -86,8 +90,21 @@ def _gazebo(options: argparse.Namespace) -> None:
                 rig=None if like is None else like.rig,
                 beyond=not options.no_beyond,
                 overwrite=options.overwrite,
+                experiments=experiments,
             )
     print_output(out)
+
+
+def _first_in(environment: str) -> "Experiment":
+    from fieldtruth.drive.plan import experiments_in
+
+    return experiments_in(environment)[0]
+
+
+def _planned(world: "World", experiment: "Experiment") -> "Experiment":
+    from fieldtruth.drive.plan import plan_route
+
+    return experiment.model_copy(update={"route": plan_route(world, experiment)})
 
 
 def _experiment_for(options: argparse.Namespace) -> "Experiment":

@@ -10,6 +10,9 @@ from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from fieldtruth.experiment.config import Experiment
     from fieldtruth.experiment.rig import Rig
     from fieldtruth.gazebo.robot import Flavour
     from fieldtruth.world.model import World
@@ -30,6 +33,7 @@ def write_gazebo(
     rig: "Rig | None" = None,
     beyond: bool = True,
     overwrite: bool = False,
+    experiments: "Sequence[Experiment] | None" = None,
 ) -> Path:
     """Write a world and the robot as a package for Gazebo 11 and ROS 1 (classic), or the newer Gazebo and ROS 2 (gz).
 
@@ -40,6 +44,8 @@ def write_gazebo(
         rig: sensors of the robot; None takes the paper's.
         beyond: whether to include the land beyond the world's edge.
         overwrite: replace an existing package.
+        experiments: whose starts and waypoints the package has, with routes that are not random; None takes the
+            built-in ones of the environment.
 
     Returns:
         The folder.
@@ -62,7 +68,7 @@ def write_gazebo(
         with atomic_output(target) as part:
             packages = {name: part if len(chosen) == 1 else part / name for name in chosen}
             for name, package in packages.items():
-                write_ros_package(package, world, sensors, name)
+                write_ros_package(package, world, sensors, name, experiments)
                 write_robot(package, sensors, name, world.origin)
             write_worlds(packages, world, beyond=beyond)
             if overwrite:

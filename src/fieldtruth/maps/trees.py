@@ -88,6 +88,59 @@ def find_trees(
     ]
 
 
+_DEEPENS: Final = 0.45
+"""Share of a tree's height by which its crown is lower at its edge than at its top: of a paraboloid."""
+_SLENDER: Final = 0.11
+"""Radius of the crown of a tree among others, as a share of its height."""
+_LEVEL: Final = 0.8
+"""Share of the highest cell around it that the top of such a tree has, at least."""
+_UNSEEN: Final = (2.5, 0.2)
+"""Least height [m], and share of the canopy's height, by which known crowns are too low where another tree stands."""
+
+
+def fill_canopy(canopy: Canopy, trees: Sequence[Tree], *, lowest: float = LOWEST) -> list[Tree]:
+    """Lower trees, without which the canopy would be lower than it is, from the highest to the lowest.
+
+    A window for tops finds one tree where several stand close together, and none in a gap that saplings and bushes
+    fill. From the highest cell down, one is added wherever the crowns so far, as paraboloids, are clearly below the
+    canopy: analysis by synthesis.
+    """
+    matrix, heights = canopy.world_from_cell[:, :2], canopy.heights
+    inverse, shape = np.linalg.inv(matrix), heights.shape
+    known = np.zeros(shape)
+    for tree in trees:
+        row, column = np.rint(inverse @ (np.array([tree.x, tree.y]) - canopy.world_from_cell[:, 2])).astype(int)
+        _raise_crown(known, (int(row), int(column)), tree.height or 0.0, tree.crown_radius or 0.0, matrix)
+    added = []
+    # At the edge of a crown, cells are as high as a lower tree; it has its top among cells of about one height.
+    level = heights >= _LEVEL * maximum_filter(heights, size=3)
+    cells = np.flatnonzero((level & (heights >= lowest)).ravel())
+    for cell in cells[np.argsort(-heights.ravel()[cells], kind="stable")].tolist():
+        row, column = divmod(cell, shape[1])
+        height = float(heights[row, column])
+        if known[row, column] < height - max(_UNSEEN[0], _UNSEEN[1] * height):
+            x, y = canopy.world_from_cell @ (row, column, 1.0)
+            radius = max(_SLENDER * height, 0.5)
+            _raise_crown(known, (row, column), height, radius, matrix)
+            if abs(x) <= canopy.size[0] / 2 and abs(y) <= canopy.size[1] / 2:
+                added.append(Tree(float(x), float(y), height, radius, None, None))
+    return added
+
+
+def _raise_crown(known: Array, cell: tuple[int, int], height: float, radius: float, matrix: Array) -> None:
+    """Raise heights to those of a tree's crown about a cell, which may be outside."""
+    reach = np.ceil(radius * np.linalg.norm(np.linalg.inv(matrix), axis=1)).astype(int)
+    rows, columns = (
+        np.arange(max(0, at - n), max(0, min(size, at + n + 1)))
+        for at, n, size in zip(cell, reach, known.shape, strict=True)
+    )
+    steps = np.stack(np.meshgrid(rows - cell[0], columns - cell[1], indexing="ij"))
+    away = np.hypot(*np.tensordot(matrix, steps, 1)) / max(radius, 1e-6)
+    own = np.where(away <= 1.0, height * (1.0 - _DEEPENS * away**2), 0.0)
+    window = np.ix_(rows, columns)
+    known[window] = np.maximum(known[window], own)
+
+
 def _tops(heights: Float32Array, matrix: Array, crown_width: Array, lowest: float) -> Index:
     """Flat indices of the cells that are the highest within the window of their height, from the highest down.
 

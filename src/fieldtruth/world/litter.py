@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Positive
 from fieldtruth.world.library import Entry, Section, validated
@@ -233,15 +234,18 @@ def scatter_litter(
     amount = amount * min(1.0, MOST_AREA / area)
     ground = [MATERIALS[name].ground_type for name in terrain.ground_materials]
     trail = MATERIALS[terrain.trail_material].ground_type if builder.trails and terrain.trail_material else ""
+    trodden = {MATERIALS[n].ground_type for n in terrain.ground_materials if MATERIALS[n].label == Label.TRAIL}
     found: dict[bool, list[tuple[list[Mesh], Array]]] = {False: [], True: []}
-    for name, on_trail in [*((each, False) for each in dict.fromkeys(ground)), (trail, True)]:
+    kinds = [
+        (each, each in trodden, np.array([each == g for g in ground], np.float64)) for each in dict.fromkeys(ground)
+    ]
+    for name, on_trail, share in [*kinds, (trail, True, None)]:
         for row, cover in enumerate(LITTER_BY_GROUND.get(name, ())):
             meshes = [
                 _patch(f"{name}_{row}_{k}{'_on_trail' * (on_trail and trail in ground)}", cover, rng, on_trail=on_trail)
                 for k in range(VARIANTS)
             ]
-            share = np.array([each == name for each in ground], np.float64)
-            xy = _positions(builder, terrain, cover, None if on_trail else share, amount, rng)
+            xy = _positions(builder, terrain, cover, share, amount, rng, on_trail=on_trail)
             found[on_trail].append((meshes, _poses(terrain, xy, cover.radius, rng)))
     return [
         _swarm("trail_litter" if on_trail else "ground_litter", parts, rng)
@@ -269,24 +273,29 @@ def _patch(name: str, cover: Cover, rng: np.random.Generator, *, on_trail: bool)
 
 
 def _positions(
-    builder: WorldBuilder, terrain: Terrain, cover: Cover, share: Array | None, amount: float, rng: np.random.Generator
+    builder: WorldBuilder,
+    terrain: Terrain,
+    cover: Cover,
+    share: Array | None,
+    amount: float,
+    rng: np.random.Generator,
+    *,
+    on_trail: bool,
 ) -> Array:
-    """Positions (n, 2) [m] of patches on ground of which ``share`` (materials,) is the type; None: on trails."""
+    """Positions (n, 2) [m] of patches on ground of which ``share`` (materials,) is the type; None: any."""
     trees = _trees(builder) if cover.where == "under trees" else None
 
     def density(xy: Array) -> Array:
         edge = terrain.trail_distance.at(*xy.T)
-        if share is None:
-            keep = np.where(edge < -(terrain.border_width + cover.radius), 1.0, 0.0)
-        else:
-            keep = (terrain.cover.at(*xy.T) @ share) * (edge > cover.radius)
+        inside = edge < -(terrain.border_width + cover.radius) if on_trail else edge > cover.radius
+        keep = inside * (1.0 if share is None else terrain.cover.at(*xy.T) @ share)
         if builder.water_level is not None:
             keep *= terrain.surface.height_at(*xy.T) > water_at(builder.water_level, *xy.T) + 0.03
         if trees is not None:
             keep *= np.exp(-((trees.query(xy)[0] / UNDER_TREES) ** 2)) if trees.n else 0.0
         if cover.where == "at edges":
-            inside = (edge + terrain.border_width + cover.radius) / _AT_EDGE
-            return np.asarray(keep * np.exp(np.minimum(inside, 50.0)))  # without trails the edge is far away
+            away = (edge + terrain.border_width + cover.radius) / _AT_EDGE
+            return np.asarray(keep * np.exp(np.minimum(away, 50.0)))  # without trails the edge is far away
         return np.asarray(keep * (FAR_SHARE + (1.0 - FAR_SHARE) * _nearness(builder, edge, xy)))
 
     xy = jittered_grid(np.array(builder.size) - 2.0 * cover.radius, amount * cover.per_m2, rng, density)

@@ -113,6 +113,8 @@ class Mesh:
     footprint: float = 0.5
     species: tuple[str, ...] = ()
     """Names of the species, or of the rock type, that it was made from; empty for furniture."""
+    passable: bool = False
+    """True: a robot passes through it, whatever its class; it has no colliders."""
     axis: NDArray[np.float32] | None = None
     """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
 
@@ -314,7 +316,7 @@ class World:
     swarms: tuple[Swarm, ...] = ()
     water_level: float | Raster | None = None
     """Height [m] of the water's surface, which are instances of kind "water"; lower ground is under water. A raster if
-    there are several bodies of water, far below the ground where there is none."""
+    there are several bodies of water, far below the ground where it is dry."""
     backdrop: Mesh | None = None
     """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
     layout: Mapping[str, Any] = field(default_factory=dict)
@@ -373,7 +375,7 @@ class World:
         return with_own(self.layout).without(*OF_MAPS - {material.label for material in self.materials.values()})
 
     def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height [m] of the water's surface at world x, y [m]; far below the ground where there is none."""
+        """Height [m] of the water's surface at world x, y [m]; far below the ground where it is dry."""
         return water_at(self.water_level, x, y)
 
     @property

@@ -86,6 +86,7 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
         config.title, vertices[sound.faces].reshape(-1, 3)[first], sound.normals.reshape(-1, 3)[first],
         corner_uv.reshape(-1, 2)[first], number, names, np.array(rows)[of_part],
         colliders=_colliders(config, vertices, sound.faces, where),
+        passable=config.collider == "none",
         footprint=float(np.hypot(*vertices[sound.faces].reshape(-1, 3)[:, :2].T).max()),
     )  # fmt: skip
     return OwnObject(mesh, materials, textures, _circles(vertices[sound.faces].reshape(-1, 3)))

@@ -49,6 +49,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
     description = DESCRIPTIONS[config.environment]
+    config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
     fields.height = shape(fields)
     wet = Wet(fields.height, None, [])
@@ -153,7 +154,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
 def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
     """Share to which nodes are below crowns of trees and bushes."""
     x, y = axes
-    clear, radii = np.ones((len(x), len(y))), {name: _crown(mesh) for name, mesh in builder.meshes.items()}
+    clear, radii = np.ones((len(x), len(y))), {n: _crown(builder, mesh) for n, mesh in builder.meshes.items()}
     for instance in builder.instances:
         pose = instance.world_from_object
         radius = radii[instance.mesh] * float(np.linalg.norm(pose[:3, 0]))
@@ -166,9 +167,10 @@ def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
     return make_raster(gaussian_filter(1.0 - clear, 0.3 / spacing), spacing, x, y)
 
 
-def _crown(mesh: Mesh) -> float:
+def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
     """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
-    leafy = [k for k, name in enumerate(mesh.materials) if MATERIALS[name].label in (Label.TREETOP, Label.BUSH)]
+    materials = [builder.materials.get(name) or MATERIALS[name] for name in mesh.materials]
+    leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
     faces = mesh.faces[np.isin(mesh.material, leafy)]
     return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0
 

@@ -16,7 +16,7 @@ from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import Axes
 
 DRY: Final = -1e5
-"""Height [m] of the water where there is none."""
+"""Height [m] of the water on dry ground."""
 RISE: Final = 0.02
 """Height [m] of a puddle's rim above its water at least."""
 RIM: Final = 0.5

@@ -14,7 +14,7 @@ from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
 from fieldtruth.maps.imagery import read_classes
 from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import StreetMap, read_osm
-from fieldtruth.maps.trees import Tree, find_trees
+from fieldtruth.maps.trees import Tree, fill_canopy, find_trees
 from fieldtruth.world.build import needed_libraries
 from fieldtruth.world.environments.site.config import Config
 
@@ -92,9 +92,12 @@ def read_trees(config: Config, origin: Origin) -> MappedTrees:
         return MappedTrees(list(found.trees), (*outside, *found.notes))
     read = read_canopy_points if ending in LASER else read_canopy
     canopy = read(file.path, origin, config.size, crs=file.crs)
-    cells = f"found in a canopy model of {np.sqrt(canopy.cell_area):.2g} m cells; those below others are not seen"
+    trees = find_trees(canopy)
+    lower = fill_canopy(canopy, trees)
+    side = f"{np.sqrt(canopy.cell_area):.2g} m"
+    cells = f"{len(trees):,} tops found in a canopy model of {side} cells, which {len(lower):,} lower ones fill"
     missing = (f"{canopy.missing:,} cells without data count as bare ground",) if canopy.missing else ()
-    return MappedTrees(find_trees(canopy), (cells, *missing))
+    return MappedTrees([*trees, *lower], (cells, *missing))
 
 
 def describe(config: Config, inputs: Inputs) -> Iterator[str]:

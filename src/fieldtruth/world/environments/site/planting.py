@@ -7,6 +7,7 @@ nearest in width for its height, so that fifty thousand trees are a few hundred 
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -34,6 +35,10 @@ MOST, NEAR = 150_000, 20.0
 """Members of a swarm, about, from which it thins out away from trails, and the distance [m] over which it does."""
 TUFTS: Final = 4.0
 """Tufts that a clump of grass counts for; it has more, which overlap with those around it."""
+WITHIN: Final = 0.9
+"""Share of a crown's leaves, seen from above, that are within its radius; some branches reach out of any crown."""
+WIDTHS: Final = (1.2, 1.9)
+"""Ratio of the widths of a tree's copies, and the greatest factor by which one is wider or slimmer than it grew."""
 TRUNK: Final = 0.2
 """Radius [m] of a trunk that must not stand in a building or a wall."""
 SHORE: Final = 0.05
@@ -41,7 +46,7 @@ SHORE: Final = 0.05
 
 
 class _Individual(NamedTuple):
-    """A grown tree: its height and the radius about the trunk that holds 95 % of its vertices [m]."""
+    """A grown tree: its height and the radius about the trunk that holds ``WITHIN`` of its vertices [m]."""
 
     mesh: Mesh
     height: float
@@ -54,6 +59,7 @@ def plant_trees(
     """Plant the trees of the map that are within the world, on dry land; ``advance`` hears of each."""
     half = np.array(config.size) / 2 - 0.5
     grown: dict[tuple[str, int], list[_Individual]] = {}
+    wide: dict[str, _Individual] = {}
     stems = sorted(stems, key=lambda stem: -stem.height)
     at = np.array([(stem.x, stem.y) for stem in stems]).reshape(-1, 2)
     stands = (np.abs(at) <= half).all(axis=1) & dry(builder, at)
@@ -68,6 +74,7 @@ def plant_trees(
         if key not in grown:
             grown[key] = _individuals(stem.species, HEIGHTS**step, config.individuals, rng)
         choice = _best(grown[key], stem)
+        choice = _widened(wide, choice, stem)
         pose = {"yaw": float(rng.uniform(0.0, 2.0 * np.pi)), "scale": stem.height / choice.height}
         builder.add_upright(stem.species, choice.mesh, (stem.x, stem.y), **pose, tint=random_tint(rng, 0.1))
 
@@ -83,7 +90,7 @@ def _individuals(species: str, height: float, count: int, rng: np.random.Generat
             name = f"{species}_{way}_{height:.0f}m_{k}"
             detail = float(np.clip(3.0 / height, 0.14, 1.0))
             mesh = grow_tree(kind, name=name, height=own, rng=rng, detail=detail, grown_in=way)
-            crown = float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), 0.95))
+            crown = float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), WITHIN))
             grown.append(_Individual(mesh, float(mesh.vertices[:, 2].max()), crown))
     return grown
 
@@ -94,6 +101,22 @@ def _best(grown: Sequence[_Individual], stem: Stem) -> _Individual:
         return grown[abs(hash_of(stem)) % len(grown)]
     wanted = max(stem.crown, 0.3) / stem.height
     return min(grown, key=lambda each: abs(np.log(each.crown / each.height / wanted)))
+
+
+def _widened(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _Individual:
+    """A copy whose crown has about the width of a tree's; its trunk stays as it is."""
+    if np.isnan(stem.crown):
+        return tree
+    ratio = max(stem.crown, 0.3) / stem.height / (tree.crown / tree.height)
+    step = round(np.log(np.clip(ratio, 1.0 / WIDTHS[1], WIDTHS[1])) / np.log(WIDTHS[0]))
+    name = f"{tree.mesh.name}_w{step}"
+    if step and name not in known:
+        trunk = max((each.size[0] for each in tree.mesh.colliders), default=0.1)
+        vertices = tree.mesh.vertices.copy()
+        away = np.hypot(*vertices[:, :2].T)
+        vertices[:, :2] *= (1.0 + (WIDTHS[0] ** step - 1.0) * np.clip(away / trunk - 1.5, 0.0, 1.0))[:, None]
+        known[name] = _Individual(replace(tree.mesh, name=name, vertices=vertices), tree.height, tree.crown)
+    return known[name] if step else tree
 
 
 def hash_of(stem: Stem) -> int:

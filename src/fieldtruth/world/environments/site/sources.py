@@ -45,7 +45,7 @@ def read_features(config: Config, origin: Origin) -> list[Feature]:
 
 def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng: np.random.Generator) -> list[Stem]:
     """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
-    trees = read_trees(config, origin).trees
+    trees = [*read_trees(config, origin).trees]
     trees += [_mapped(each) for each in features if each.kind == "tree"]
     trees += [_planted(each, xy) for each in features for xy in _rows(each)]
     at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)

@@ -319,7 +319,7 @@ def add_furniture(builder: WorldBuilder, feature: Feature, rng: np.random.Genera
 
 
 def _facing(builder: WorldBuilder, xy: Array, rng: np.random.Generator) -> float:
-    """Direction [rad] from a position to the nearest trail, a random one where there is none near."""
+    """Direction [rad] from a position to the nearest trail, a random one where no trail is near."""
     turn = float(rng.uniform(0.0, 2.0 * np.pi))
     nearest, best = FACES, None
     for trail in builder.trails:

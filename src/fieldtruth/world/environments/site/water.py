@@ -25,7 +25,7 @@ from fieldtruth.world.relief import Axes
 from fieldtruth.world.solids import signed_area
 
 DRY: Final = -1e5
-"""Height [m] of the water where there is none."""
+"""Height [m] of the water on dry ground."""
 FREEBOARD: Final = 0.15
 """Height [m] of a lake's low shores above its water."""
 BED, DEEPEST = 0.35, 2.0
