@@ -17,6 +17,8 @@ from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass,
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
 
 CLASSES_KEY: Final = "classes"
+CLASSES_FILE: Final = ".classes.yaml"
+"""Ending, in place of its own, of the file with this key beside a bag without an experiment."""
 FIRST: Final = 32
 """First id of an own class; smaller ones are for classes of ours that may come."""
 LAST: Final = 255
@@ -110,15 +112,15 @@ def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
 
 
-def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES) -> ClassTable:
-    """Return a table with the classes of a layout; raises as ``classes_of``."""
+def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES, source: str = "layout") -> ClassTable:
+    """Return a table with the classes of a layout; raises as ``classes_of``, with ``source`` in front."""
     own = layout.get(CLASSES_KEY)
     if not own:
         return classes
     try:
         return class_table(ClassesConfig(classes=own).classes, classes)
     except ValidationError as report:
-        raise configuration_error(ClassesConfig, report, "layout") from report
+        raise configuration_error(ClassesConfig, report, source) from report
 
 
 def as_layout(classes: ClassTable) -> dict[str, Any]:
