@@ -228,6 +228,7 @@ def test_the_layers_are_keys_of_the_layout(tmp_path: Path) -> None:
         ("line: ditch", "line: dich", "objects.posts.along: unknown line 'dich'"),
         ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
         ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
+        ("litter_amount: 0", "seasonal: {winter: {grass: [wheet]}}", "seasonal.winter: grass: unknown species 'wheet'"),
         ("litter_amount: 0", "season: wintr", "unknown season 'wintr'; did you mean 'winter'"),
     ],
 )
@@ -242,6 +243,15 @@ def test_a_mistake_in_a_file_is_one_line(old: str, new: str, message: str, tmp_p
         pass
     assert str(path) in str(report.value)
     assert "\n" not in str(report.value)
+
+
+def test_a_season_may_have_species_of_its_own(tmp_path: Path) -> None:
+    text = TEXT.replace("litter_amount: 0", "litter_amount: 0\nseasonal: {winter: {grass: [wheat_seedling]}}")
+    with environment(tmp_path / "crops.yaml", text) as name:
+        for season, species in (("summer", "meadow"), ("winter", "wheat_seedling")):
+            world = build_world(name, 3, {"season": season, "size": [16, 12], "stones": 0})
+            [swarm] = [each for each in world.swarms if each.name == "grass"]
+            assert {each for mesh in swarm.meshes for each in world.meshes[mesh].species} == {species}
 
 
 @pytest.mark.parametrize(

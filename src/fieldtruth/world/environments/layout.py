@@ -91,7 +91,7 @@ class Planting:
 
 LAYERED: Final = (
     "description", "sources", "size", "season", "fields", "lines", "trails", "trail_width", "trail", "relief", "water",
-    "puddles", "ground", "objects", "plants", "litter_amount", "beyond",
+    "puddles", "ground", "objects", "plants", "seasonal", "litter_amount", "beyond",
 )  # fmt: skip
 """Keys of the files of environments of layers, beside those of ``Planting``."""
 

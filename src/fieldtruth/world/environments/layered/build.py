@@ -48,6 +48,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
     description = DESCRIPTIONS[config.environment]
+    config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
     fields.height = shape(fields)
     wet = Wet(fields.height, None, [])

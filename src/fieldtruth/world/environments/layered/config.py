@@ -25,6 +25,7 @@ from fieldtruth.world.environments.layout import (
     Share,
     Size,
     Trails,
+    check_plants,
 )
 from fieldtruth.world.furniture import FURNITURE
 from fieldtruth.world.grids import BUILT_IN
@@ -164,13 +165,14 @@ class Description(Frozen):
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
     objects: Mapping[str, Objects] = {}
     plants: Mapping[str, Plants] = {}
+    seasonal: Mapping[str, Mapping[str, tuple[str, ...]]] = {}  # other species of groups by season: stages of crops
     litter_amount: Annotated[Number, Field(ge=0, le=4)] = 1.0
     beyond: Beyond = Beyond()
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        if self.season not in seasons():
-            raise ValueError(f"unknown season {self.season!r}; {suggestion(self.season, seasons())}")
+        for unknown in (name for name in (self.season, *self.seasonal) if name not in seasons()):
+            raise ValueError(f"unknown season {unknown!r}; {suggestion(unknown, seasons())}")
         for key, names in self._materials():
             for name in (name for name in names if name not in MATERIALS):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")
@@ -223,6 +225,11 @@ def _described(name: str, content: Entry, path: Path) -> Description:
         description = TypeAdapter(Description).validate_python(layers)
     except ValidationError as report:
         raise configuration_error(Description, report, str(path)) from report
+    for season, species in description.seasonal.items():
+        try:
+            check_plants(name, species)
+        except ValueError as error:
+            raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
     named = {f"objects.{key}": layer.group for key, layer in description.objects.items()}
     named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
