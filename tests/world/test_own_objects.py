@@ -178,7 +178,7 @@ def test_environments_stand_and_scatter_objects(tmp_path: Path, name: str, size:
     assert {"bales_plain_0", "barrel_blue_paint_0"} <= set(world.materials)
     taken = [(*each.world_from_object[:2, 3], world.meshes[each.mesh]) for each in world.instances]
     for x, y, mesh in taken:
-        if mesh.name != "bales" and mesh.colliders:
+        if mesh.name != "own_bales" and mesh.colliders:
             assert np.hypot(x - 4, y - 3) > 0.25  # half the wall's thickness
 
 
@@ -189,7 +189,7 @@ def test_a_stored_world_keeps_its_objects(tmp_path: Path) -> None:
     again = read_world(tmp_path / "world.npz")
     assert again.layout == world.layout
     assert again.materials == world.materials
-    assert again.meshes["gate"].colliders == world.meshes["gate"].colliders
+    assert again.meshes["own_gate"].colliders == world.meshes["own_gate"].colliders
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -315,7 +315,7 @@ def test_every_class_of_an_object_has_a_reflectance() -> None:
 
 
 def test_depth_in_a_hull(tmp_path: Path) -> None:
-    [hull] = plain([entry(bales(tmp_path / "bales.stl"))]).meshes["bales"].colliders
+    [hull] = plain([entry(bales(tmp_path / "bales.stl"))]).meshes["own_bales"].colliders
     points = np.array([[0.0, 0.0, 0.5], [1.7, 0.0, 0.5], [2.0, 0.0, 0.5], [0.0, 0.0, 1.05]])
     np.testing.assert_allclose(_depth(hull, points), (0.25, 0.1, -0.2, -0.05), atol=1e-6)
 
@@ -340,9 +340,9 @@ def test_bodies_for_gazebo(tmp_path: Path) -> None:
     assert bodies["bales_1"].colliders == ()  # its solid part is what wheels touch
     assert bodies["gate_1"].colliders[0].size == pytest.approx((0.1, 1.6, 1.1))
     triangles = trimesh.load(tmp_path / "bales.stl").triangles
-    assert len(surfaces["bales"].faces) == len(triangles)
+    assert len(surfaces["own_bales"].faces) == len(triangles)
     np.testing.assert_allclose(
-        np.ptp(surfaces["bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
+        np.ptp(surfaces["own_bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
     )
 
 
