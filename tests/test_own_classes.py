@@ -5,6 +5,7 @@
 import json
 import re
 import runpy
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from openpyxl import load_workbook
 from PIL import Image
 
 import fieldtruth as ft
+from fieldtruth.bag.decode import points
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.datasets import RunDataset, Runs
 from fieldtruth.exporters import export
 from fieldtruth.exporters.occupancy import Lattice, voxels_of
@@ -26,7 +28,7 @@ from fieldtruth.ontology import label_map_of
 from fieldtruth.report.shares import ClassShares, shares_table
 from fieldtruth.validation.world import allowed_by_name
 from fieldtruth.world.build import check_layout
-from fieldtruth.world.classes import FIRST, as_layout, classes_of, with_own
+from fieldtruth.world.classes import CLASSES_FILE, FIRST, as_layout, classes_of, with_own
 
 NAME, COLOUR, ID = "hay_bale", (200, 180, 60), 32
 OWN = {NAME: {"colour": list(COLOUR), "label_maps": {"rellis": "vehicle"}}, "crate": {"id": 77}}
@@ -208,6 +210,25 @@ def test_the_bag_passes_its_checks(folder: Path, run: Run) -> None:
     assert not by_name[0, Label.ROCK]
 
 
+def test_a_bag_from_elsewhere_has_them_in_a_file_beside_it(run: Run, tmp_path: Path) -> None:
+    bag = Path(shutil.copy(run.bag, tmp_path / "elsewhere.bag"))
+    assert open_run(bag).classes == CLASSES
+    bag.with_suffix(CLASSES_FILE).write_text(yaml.safe_dump({"classes": as_layout(run.classes)}))
+    assert open_run(bag).classes == run.classes
+    bag.with_suffix(CLASSES_FILE).write_text("classes: {hay_bale: {id: 3}}")
+    with pytest.raises(ConfigurationError, match=r"elsewhere.classes.yaml: classes.hay_bale.id must be an integer"):
+        _ = open_run(bag).classes
+
+
+def test_an_annotated_bag_has_them(run: Run, world: ft.World, tmp_path: Path) -> None:
+    lidar = ft.Rig.model_validate({"sensors": RIG["sensors"][:1]})
+    made = ft.annotate(run.bag, ft.WorldConfig("park"), rig=lidar, scene=ft.Scene(world), out=tmp_path / "a.bag")
+    found = open_run(made)
+    assert found.classes[ID] == (ID, NAME, COLOUR)
+    topic = next(each.topic for each in run.of(ft.Cloud))
+    assert all(ID in points(reading.value)["label"] for reading in found.messages(topic))
+
+
 def test_scenes_have_it(world: ft.World, tmp_path: Path) -> None:
     glb = ft.write_scene(world, tmp_path / "own.glb", to="gltf").read_bytes()
     text = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])
@@ -289,14 +310,25 @@ def test_buildings_and_fences_are_only_where_they_can_be() -> None:
         ({"a": {"colour": [0, 0, 256]}}, r"classes.a.colour.* must be .*, got 256"),
         ({"a": {"rgb": [0, 0, 255]}}, r"unknown key 'classes.a.rgb'; .*Available: id, colour, label_maps"),
         ({"a": 3}, r"classes.a must be a mapping with the keys id, colour, label_maps, got 3"),
-        ({"a": {"label_maps": {"rellis": "car"}}}, r"classes.a.label_maps.rellis unknown class 'car'; "),
-        ({"a": {"label_maps": {"relis": "vehicle"}}}, r"unknown label map 'relis'; did you mean 'rellis'"),
     ],
 )
 def test_what_is_wrong_is_one_line(own: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigurationError, match=words) as error:
         check_layout("park", {"classes": own})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("others", "words"),
+    [
+        ({"rellis": "car"}, r"layout: classes.a.label_maps.rellis: unknown class 'car'; "),
+        ({"relis": "vehicle"}, r"unknown label map 'relis'; did you mean 'rellis'"),
+    ],
+)
+def test_unknown_classes_of_others_are_named_before_a_run(others: dict[str, str], words: str) -> None:
+    values = {"name": "own", "environment": "park", "layout": {"classes": {"a": {"label_maps": others}}}}
+    with pytest.raises(UnknownNameError, match=words):
+        ft.Simulation(ft.Experiment.model_validate(values | {"route": ROUTE}))
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from .core import transforms as transforms
 from .core.classes import CLASSES as CLASSES
 from .core.classes import NO_RETURN as NO_RETURN
 from .core.classes import PALETTE as PALETTE
+from .core.classes import ClassTable as ClassTable
 from .core.classes import Label as Label
 from .core.classes import SemanticClass as SemanticClass
 from .core.errors import ConfigurationError as ConfigurationError

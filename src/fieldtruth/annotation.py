@@ -49,6 +49,7 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.core.readings import Cloud
 from fieldtruth.core.transforms import inverse, pose_from_quaternion_wxyz, quaternion_wxyz_from_rotation
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
@@ -59,6 +60,7 @@ from fieldtruth.record.streams import Stream, sensor_factory, series_of, stream_
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import Movement, SensorWorld
 from fieldtruth.world.build import check_layout, load_world
+from fieldtruth.world.classes import CLASSES_FILE, CLASSES_KEY, as_layout
 from fieldtruth.world.model import World
 
 _SAME: Final = 1e-3
@@ -338,6 +340,9 @@ def _write(addition: _Addition, target: Path, workers: int, progress: Progress) 
         seconds = (slices.end_ns - slices.start_ns) / 1e9
         with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
             slices.make(workers, advance)
+        if own := as_layout(world.classes):
+            text = write_mapping({CLASSES_KEY: own})
+            target.with_suffix(CLASSES_FILE).write_text(text, encoding="utf-8")
         with progress.stage("write the bag", run.duration_s) as advance:
             merge_bags(run, slices, target, _latched(poses, frames), poses.recorded_at, advance)
 

@@ -14,6 +14,7 @@ from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import files_of, resolved
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
+from fieldtruth.report.card import conditions_of
 
 SITE = {"centre": [-33.87, -70.65], "elevation": {"file": "maps/dem.tif"}, "objects": [{"file": "~/barrel.glb"}]}
 
@@ -128,3 +129,19 @@ def test_what_is_no_environment_is_one_line(tmp_path: Path, name: str, content: 
         path.write_text(content)
     with pytest.raises(ConfigurationError, match=text):
         Experiment.model_validate({"name": "e", "environment": str(path)})
+
+
+def test_a_site_is_not_taken_for_an_experiment(site: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"quinta\.yaml: a site, not an experiment; name it in one, as env"):
+        load_experiment(site)
+
+
+def test_a_data_card_names_the_maps_of_a_site_and_their_source(site: Path) -> None:
+    given = {"name": "e", "environment": str(site), "layout": {"map": {"file": "area.osm"}}}
+    words = conditions_of([Experiment.model_validate(given), load_experiment("park_1")])
+    assert "landscapes: quinta and park, in summer, with light of preset summer_day and clear air" in words
+    assert words.endswith(
+        " Sites follow maps of real landscapes (dem.tif, barrel.glb and area.osm)."
+        " Parts are © OpenStreetMap contributors, under the ODbL."
+    )
+    assert "Sites" not in conditions_of([load_experiment("park_1")])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo.ros import write_ros_package
 from fieldtruth.world.build import load_world
@@ -22,6 +23,21 @@ def test_the_layout_is_written_and_named_in_the_readme(tmp_path: Path) -> None:
     assert "--environment park --seed 0 --layout config/layout.yaml --lidar" in (tmp_path / "README.md").read_text()
     write_ros_package(tmp_path / "default", load_world("park"), Rig(), "classic")
     assert not (tmp_path / "default/config/layout.yaml").exists()
+
+
+def test_the_commands_of_a_site_name_no_file_of_the_user(tmp_path: Path) -> None:
+    layout = {"name": "quinta", "centre": [49.9, 8.9], "map": {"file": "/maps/a.osm"}}
+    world = replace(load_world("park"), name="quinta", layout=layout)
+    experiment = load_experiment("park_1").model_copy(update={"environment": "site", "layout": layout})
+    write_ros_package(tmp_path / "1", world, Rig(), "classic", [experiment])
+    write_ros_package(tmp_path / "2", world, Rig(), "gz", [experiment])
+    assert yaml.safe_load((tmp_path / "1/config/layout.yaml").read_text()) == layout
+    assert "--environment site --seed 0 --layout config/layout.yaml" in (tmp_path / "1/README.md").read_text()
+    again = (tmp_path / "2/README.md").read_text().partition("`again.yaml`:\n")[2].partition("fieldtruth generate")[0]
+    assert parse_experiment(again).model_dump(include={"environment", "layout"}) == {
+        "environment": "site",
+        "layout": layout,
+    }
 
 
 def test_a_coarser_ground_is_a_sample_of_the_finer() -> None:

@@ -140,7 +140,7 @@ def test_a_wrong_key_of_a_site_is_one_line(
 
 
 def test_of_a_large_tile_only_the_window_is_read(tmp_path: Path) -> None:
-    tile = {"tiled": True, "blockxsize": 256, "blockysize": 256, "sparse_ok": True, "write": False}
+    tile: dict[str, Any] = {"tiled": True, "blockxsize": 256, "blockysize": 256, "sparse_ok": True, "write": False}
     path = raster(tmp_path / "tile.tif", side=40_000, compress="deflate", **tile)
     with rasterio.open(path, "r+") as dataset:
         dataset.write(np.full((256, 256), 560.0, np.float32), 1, window=((19_968, 20_224), (19_968, 20_224)))
@@ -153,7 +153,13 @@ def test_of_a_large_tile_only_the_window_is_read(tmp_path: Path) -> None:
 
 
 def test_a_raster_that_unpacks_at_once_is_refused(tmp_path: Path) -> None:
-    tile = {"tiled": True, "blockxsize": 16_384, "blockysize": 16_384, "sparse_ok": True, "dtype": "uint8"}
+    tile: dict[str, Any] = {
+        "tiled": True,
+        "blockxsize": 16_384,
+        "blockysize": 16_384,
+        "sparse_ok": True,
+        "dtype": "uint8",
+    }
     path = raster(tmp_path / "bomb.tif", side=16_384, compress="deflate", write=False, **tile)
     assert path.stat().st_size < 10_000
     with pytest.raises(ConfigurationError, match=r"bomb\.tif: it unpacks 268,435,456 cells at once"):
@@ -238,7 +244,11 @@ def test_the_command_says_what_was_read_filled_and_left_out(
     way = '<way id="1" version="1"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="path"/></way>'
     (tmp_path / "a.osm").write_text(f'<osm version="0.6">{nodes}{way}</osm>')
     files = {"elevation": "dem.tif", "trees": "trees.csv", "map": "a.osm"}
-    site = {"centre": list(CENTRE), "size": list(SIZE), **{key: {"file": name} for key, name in files.items()}}
+    site: dict[str, Any] = {
+        "centre": list(CENTRE),
+        "size": list(SIZE),
+        **{key: {"file": name} for key, name in files.items()},
+    }
     site |= {"grid": 0.2, "litter": 0, "individuals": 1, "beyond": False, "grass_per_m2": 0.0}
     (tmp_path / "quinta.yaml").write_text(yaml.safe_dump(site))
     assert cli.main(["world", "quinta.yaml"]) == 0

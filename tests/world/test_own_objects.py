@@ -16,6 +16,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, RouteError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
+from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import obstacle_outlines
@@ -32,7 +33,7 @@ from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.sensing import reflectance_of
 from fieldtruth.simulation.motion import _depth
 from fieldtruth.validation.runner import validate
-from fieldtruth.world.build import check_layout, load_world, read_world, save_world
+from fieldtruth.world.build import build_world, check_layout, load_world, read_world, save_world
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Instance, Material, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
@@ -165,6 +166,22 @@ def test_layouts_of_all_environments_take_objects(tmp_path: Path) -> None:
         ObjectConfig.model_validate(good | {"scale": 0})
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), [("forest", [24, 16]), ("hillside", [24, 16]), ("thicket", [24, 16])])
+def test_environments_stand_and_scatter_objects(tmp_path: Path, name: str, size: list[int]) -> None:
+    """Those with a place have the first ids; nothing that is placed later overlaps one."""
+    stand = {"file": str(bales(tmp_path / "bales.stl")), "label": "fence", "pose": [4, 3, 20]}
+    scatter = {"file": str(barrel(tmp_path / "barrel.glb")), "label": "trash bin", "scatter": {"count": 5}}
+    world = build_world(name, 0, {"size": size, "grid": 0.1, "objects": [stand, scatter]})
+    assert world.object_names[2] == "bales_1"
+    assert [each.name for each in own(world, "barrel")] == [f"barrel_{k}" for k in range(1, 6)]
+    assert {"bales_plain_0", "barrel_blue_paint_0"} <= set(world.materials)
+    taken = [(*each.world_from_object[:2, 3], world.meshes[each.mesh]) for each in world.instances]
+    for x, y, mesh in taken:
+        if mesh.name != "own_bales" and mesh.colliders:
+            assert np.hypot(x - 4, y - 3) > 0.25  # half the wall's thickness
+
+
 def test_a_stored_world_keeps_its_objects(tmp_path: Path) -> None:
     config = entry(gate(tmp_path / "gate.stl"), collider="mesh", reflectance=0.25)
     world = replace(plain([config]), layout={"objects": [config.model_dump(mode="json")]})
@@ -172,7 +189,7 @@ def test_a_stored_world_keeps_its_objects(tmp_path: Path) -> None:
     again = read_world(tmp_path / "world.npz")
     assert again.layout == world.layout
     assert again.materials == world.materials
-    assert again.meshes["gate"].colliders == world.meshes["gate"].colliders
+    assert again.meshes["own_gate"].colliders == world.meshes["own_gate"].colliders
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -280,7 +297,10 @@ def test_a_robot_passes_a_gate_that_is_a_mesh_but_not_its_hull(tmp_path: Path) -
     beside = plain([entry(path, pose=[3, 1.5], collider="mesh")])  # a post in the way
     with pytest.raises(DriveError, match="robot touched gate_1"):
         drive(beside, experiment)
-    assert plan_route(plain([entry(path, pose=[3, 1.5], collider="none")]), experiment) == experiment.route
+    for label in ("trash bin", "trunk", "rock"):  # roots of trunks and stones would bear wheels
+        passable = plain([entry(path, pose=[3, 1.5], collider="none", label=label)])
+        assert plan_route(passable, experiment) == experiment.route
+        assert bearing_field(passable).heights.max() == 0.0
 
 
 def test_every_class_of_an_object_has_a_reflectance() -> None:
@@ -295,7 +315,7 @@ def test_every_class_of_an_object_has_a_reflectance() -> None:
 
 
 def test_depth_in_a_hull(tmp_path: Path) -> None:
-    [hull] = plain([entry(bales(tmp_path / "bales.stl"))]).meshes["bales"].colliders
+    [hull] = plain([entry(bales(tmp_path / "bales.stl"))]).meshes["own_bales"].colliders
     points = np.array([[0.0, 0.0, 0.5], [1.7, 0.0, 0.5], [2.0, 0.0, 0.5], [0.0, 0.0, 1.05]])
     np.testing.assert_allclose(_depth(hull, points), (0.25, 0.1, -0.2, -0.05), atol=1e-6)
 
@@ -320,9 +340,9 @@ def test_bodies_for_gazebo(tmp_path: Path) -> None:
     assert bodies["bales_1"].colliders == ()  # its solid part is what wheels touch
     assert bodies["gate_1"].colliders[0].size == pytest.approx((0.1, 1.6, 1.1))
     triangles = trimesh.load(tmp_path / "bales.stl").triangles
-    assert len(surfaces["bales"].faces) == len(triangles)
+    assert len(surfaces["own_bales"].faces) == len(triangles)
     np.testing.assert_allclose(
-        np.ptp(surfaces["bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
+        np.ptp(surfaces["own_bales"].vertices, axis=0), np.ptp(triangles.reshape(-1, 3), axis=0), atol=1e-5
     )
 
 

@@ -11,6 +11,7 @@ import pytest
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
+from fieldtruth.interchange import write_scene
 from fieldtruth.world.build import build_world, read_world, save_world
 from fieldtruth.world.model import World
 
@@ -130,6 +131,21 @@ def test_the_origin_is_on_the_ellipsoid_above_the_place_and_is_stored(world: Wor
     start = pyproj.Transformer.from_crs(4979, 4978, always_xy=True).transform(*np.array(world.origin)[[1, 0, 2]])
     assert np.linalg.norm(np.array([x, y, z]) - start) == pytest.approx(np.linalg.norm(position), abs=1e-3)
     assert world_from_geodetic((latitude, longitude, height), world.origin) == pytest.approx(position, abs=1e-6)
+
+
+def test_the_inventory_has_the_trees_at_their_places_on_the_earth(world: World, tmp_path: Path) -> None:
+    pyogrio = pytest.importorskip("pyogrio")
+    write_scene(world, tmp_path / "trees", to="inventory")
+    meta, _, points, _ = pyogrio.raw.read(tmp_path / "trees/inventory.gpkg", layer="inventory")
+    assert meta["crs"] == "EPSG:4326"
+    longitude, latitude = np.array([np.frombuffer(point, "<f8", offset=5) for point in points])[:, :2].T
+    near = f"+lat_0={world.origin.latitude} +lon_0={world.origin.longitude} +h_0={world.origin.height}"
+    steps = f"+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 {near}"
+    to_plane = pyproj.Transformer.from_pipeline(steps)
+    heights = world.origin.height + world.terrain.field.height_at(*np.array(TREES, dtype=object)[:, :2].astype(float).T)
+    for (x, y, *_), height in zip(TREES, heights, strict=True):
+        east, north, _ = to_plane.transform(longitude, latitude, np.full(len(longitude), height))
+        assert np.hypot(north - x, -east - y).min() < 1e-3
 
 
 @pytest.mark.parametrize(

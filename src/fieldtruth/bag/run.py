@@ -34,9 +34,10 @@ from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Cloud, Frame, Message, Reading
+from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.world.classes import classes_of
+from fieldtruth.world.classes import CLASSES_FILE, classes_of, with_own
 
 _TOLERANCE: Final = 0.2
 """Relative difference of a rate from which on it is another."""
@@ -177,8 +178,15 @@ class Run(BagFile):
 
     @cached_property
     def classes(self) -> ClassTable:
-        """Classes that points and pixels may have; of a bag from elsewhere all."""
-        return CLASSES if self.experiment is None else classes_of(self.experiment.environment, self.experiment.layout)
+        """Classes that points and pixels may have; of a bag from elsewhere all, and those of the file beside it.
+
+        Raises:
+            ConfigurationError: own classes that are not allowed.
+        """
+        if self.experiment is not None:
+            return classes_of(self.experiment.environment, self.experiment.layout)
+        path = self.bag.with_suffix(CLASSES_FILE)
+        return with_own(parse_mapping(read_text(path), str(path)), source=str(path)) if path.is_file() else CLASSES
 
     @cached_property
     def sensors(self) -> Mapping[str, Source]:

@@ -89,7 +89,7 @@ def hard_surfaces(world: World) -> Iterator[HardSurface]:
         mesh, copies = world.meshes[name], [i for i in world.instances if i.mesh == name]
         faces = _faces_of(world, mesh, _FEET)
         faces = faces[mesh.vertices[faces, 2].min(axis=1, initial=np.inf) < 2 * FOOT]
-        if len(faces):
+        if len(faces) and not mesh.passable:
             poses = np.array([i.world_from_object for i in copies])
             yield HardSurface(tuple(i.name for i in copies), mesh.vertices.astype(np.float64), faces, poses, FOOT)
 

@@ -13,7 +13,7 @@ import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.environment_file import is_environment_file, with_paths
+from fieldtruth.experiment.environment_file import CENTRE, is_environment_file, with_paths
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS
@@ -54,6 +54,8 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
     """
     data = parse_mapping(text, source or "experiment")
     check_version(data.pop(VERSION_KEY, None), source)
+    if CENTRE in data and "environment" not in data:
+        raise ConfigurationError(f"{source}: a site, not an experiment; name it in one, as environment: {source}")
     rig, environment, layout = data.get("rig"), data.get("environment"), data.get("layout")
     if folder is not None and is_environment_file(environment):
         data["environment"] = str(folder / Path(str(environment)).expanduser())

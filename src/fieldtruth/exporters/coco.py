@@ -401,5 +401,5 @@ def _head(run: Run, labels: LabelMap) -> dict[str, Any]:
         "labels": labels.name,
     }
     if run.experiment is not None:
-        info |= {"environment": run.experiment.environment, "seed": run.experiment.seed}
+        info |= {"environment": run.experiment.world_name, "seed": run.experiment.seed}
     return {"info": info, "licenses": [] if run.experiment is None else [_LICENCE]}

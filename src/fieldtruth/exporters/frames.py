@@ -90,7 +90,7 @@ def _check_worlds(runs: Sequence[Run], splits: Sequence[str]) -> None:
         if run.world is not None and run.experiment is not None:
             other, taken = first.setdefault(run.world, (run, split))
             if taken != split:
-                world = f"{run.experiment.environment} with seed {run.experiment.seed}"
+                world = f"{run.experiment.world_name} with seed {run.experiment.seed}"
                 raise OutputError(
                     f"{other.bag} in split {taken!r} and {run.bag} in split {split!r} are of the same world ({world}); "
                     "a world must be in one split"

@@ -94,7 +94,7 @@ def title_of(members: Sequence[Member]) -> str:
     """Name of the data set: its runs, or if there are many the environments."""
     names = [member.name for member in members]
     if len(names) > 3:
-        environments = sorted({m.run.experiment.environment for m in members if m.run.experiment is not None})
+        environments = sorted({m.run.experiment.world_name for m in members if m.run.experiment is not None})
         names = [f"{len(names)} runs", *environments]
     return f"fieldtruth: {', '.join(names)}"
 

@@ -162,7 +162,7 @@ def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 def _run_row(member: Member, contents: Mapping[str, Content]) -> dict[str, Any]:
     row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
-        row |= {"environment": made_by.environment, "seed": made_by.seed}
+        row |= {"environment": made_by.world_name, "seed": made_by.seed}
     labels = [view.label for views in views_of(member.run).values() for view in views]
     clouds = {} if any(name.startswith("clouds_") for name in contents) else {"clouds": 0}
     return row | {f"{ROLES[Image].key}s": labels, "frames": 0} | clouds

@@ -108,8 +108,7 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     yield _ground(world, add)
     for instance in world.instances:
         mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
-        touched = bool(mesh.colliders)
-        parts = tuple(replace(part, scale=scale, solid=part.solid and touched) for part in parts_of(mesh))
+        parts = tuple(replace(p, scale=scale, solid=p.solid and not mesh.passable) for p in parts_of(mesh))
         primitives = () if any(collider.points for collider in mesh.colliders) else mesh.colliders
         yield Body(name=instance.name, parts=parts, pose=pose, colliders=primitives, scale=scale)
     if beyond and world.backdrop is not None:

@@ -253,10 +253,9 @@ def read_ground_points(
     """
     from rasterio.transform import from_origin
 
-    points, system = _ground_points(path, crs)
-    middle, reach = _on_the_map(system, origin), float(np.hypot(*size)) / 2.0 + 20.0
+    reach = float(np.hypot(*size)) / 2.0 + 20.0
+    points, system = _ground_points(path, crs, origin, reach)
     metres = system.axis_info[0].unit_conversion_factor  # of a foot, where the map has feet
-    points = points[(np.abs(points[:, :2] - middle) <= reach / metres).all(axis=1)]
     if len(points) < 2:
         raise ConfigurationError(f"{path}: no ground points within {reach:.0f} m of the world's centre")
     spacing = max(
@@ -274,25 +273,30 @@ def read_ground_points(
     return Elevation(path, system, filled, count == 0, transform, _resolution(system, transform, shape), note)
 
 
-def _ground_points(path: Path, crs: str | None) -> tuple[Array, Any]:
-    """Ground points (n, 3) in the coordinates of a file, and its coordinate reference system."""
+def _ground_points(path: Path, crs: str | None, origin: Origin, reach: float) -> tuple[Array, Any]:
+    """Ground points (n, 3) within ``reach`` [m] of the origin, in a file's coordinates, and the system of these."""
     import laspy
 
-    chunks = [np.zeros((0, 3))]
+    chunks, grounds = [np.zeros((0, 3))], 0
     try:
         with laspy.open(path) as reader:
             if (count := reader.header.point_count) > MOST_POINTS:
                 raise ConfigurationError(f"{path}: {count:,} points, more than {MOST_POINTS:,}; cut the file")
             found = reader.header.parse_crs()
+            system = crs_of(path, crs, found.to_wkt() if found is not None else None)
+            if not system.is_projected:
+                raise ConfigurationError(
+                    f"{path}: {system.name} has degrees; laser points need a projected one, in metres"
+                )
+            middle, reach = np.array(_on_the_map(system, origin)), reach / system.axis_info[0].unit_conversion_factor
             for points in reader.chunk_iterator(2_000_000):
                 ground = points[np.asarray(points.classification) == _GROUND]
-                chunks.append(np.stack([ground.x, ground.y, ground.z], axis=-1))
+                grounds += len(ground)
+                xyz = np.stack([ground.x, ground.y, ground.z], axis=-1)
+                chunks.append(xyz[(np.abs(xyz[:, :2] - middle) <= reach).all(axis=1)])
     except (laspy.errors.LaspyException, OSError, ValueError) as error:
         raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
-    system = crs_of(path, crs, found.to_wkt() if found is not None else None)
-    if not system.is_projected:
-        raise ConfigurationError(f"{path}: {system.name} has degrees; laser points need a projected one, in metres")
-    if not sum(map(len, chunks)):
+    if not grounds:
         raise ConfigurationError(
             f"{path}: no point has the class 2, ground; classify it first, with PDAL's filters.smrf for example"
         )

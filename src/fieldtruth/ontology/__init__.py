@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable
-from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError, suggestion
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import read_data
 
@@ -45,11 +45,22 @@ class LabelMap(NamedTuple):
 
     def over(self, classes: ClassTable) -> "LabelMap":
         """Return the map of the classes of a run. Own classes that do not say what they are there are void."""
-        by_name = {other.name: number for number, other in self.classes.items()}
         ids = dict.fromkeys(range(len(classes)), int(self.ids[0]))
         ids |= {row.label: int(self.ids[row.label]) for row in classes.coloured if row.label < len(self.ids)}
-        ids |= {label: by_name[names[self.name]] for label, names in classes.others.items() if self.name in names}
+        said = {label: names[self.name] for label, names in classes.others.items() if self.name in names}
+        ids |= {label: self.number_of(name, classes[label]) for label, name in said.items()}
         return self._replace(ids=np.array([*ids.values()], np.uint8))
+
+    def number_of(self, name: str, own: SemanticClass) -> int:
+        """Return the id of the class that an own class is said to be.
+
+        Raises:
+            UnknownNameError: the ontology has no class of this name.
+        """
+        by_name = {other.name: number for number, other in self.classes.items()}
+        if name not in by_name:
+            raise UnknownNameError("class", name, by_name, f"layout: classes.{own.name}.label_maps.{self.name}")
+        return by_name[name]
 
     def colours(self) -> NDArray[np.uint8]:
         """(256, 3) RGB by id of the ontology; black where it has no class."""
@@ -96,6 +107,17 @@ def _read(name: str, given: Any) -> LabelMap:
 LABEL_MAPS: Final[Registry[LabelMap]] = Registry(
     "label map", "label_maps", ".yaml", _read, Path(__file__).parent / "label_maps"
 )
+
+
+def check_others(classes: ClassTable) -> None:
+    """Check what own classes are said to be in other ontologies.
+
+    Raises:
+        UnknownNameError: an unknown label map or class.
+    """
+    for label, names in classes.others.items():
+        for map_name, name in names.items():
+            label_map_of(map_name).number_of(name, classes[label])
 
 
 def label_map_of(name: str) -> LabelMap:

@@ -23,6 +23,7 @@ from fieldtruth.core.templates import templates
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.environment_file import CENTRE, files_of
 from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
@@ -54,18 +55,29 @@ def collection_of(experiments: Sequence[Experiment]) -> str:
 
 def conditions_of(experiments: Sequence[Experiment]) -> str:
     """Return a sentence about the environments, seasons, light and weather that experiments have."""
-    environments = _list(e.environment for e in experiments)
+    environments = _list(e.world_name for e in experiments)
     seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
     light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
     return (
         f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, "
-        f"with light of {light} and {weather}; all others are missing."
+        f"with light of {light} and {weather}; all others are missing.{_maps(experiments)}"
     )
+
+
+def _maps(experiments: Sequence[Experiment]) -> str:
+    """Return a sentence about the maps of sites, with a blank before it; empty without a site."""
+    sites = [e.layout for e in experiments if CENTRE in e.layout]
+    if not sites:
+        return ""
+    files = _list(path.name for layout in sites for _, path in files_of(layout))
+    source = " Parts are © OpenStreetMap contributors, under the ODbL." * any("map" in layout for layout in sites)
+    return f" Sites follow maps of real landscapes ({files or 'none'}).{source}"
 
 
 def _light(light: LightConfig) -> str:
     words = f"preset {light.preset}"
-    own = light.model_dump(exclude={"preset"}, exclude_defaults=True)
+    unused = {"latitude", "longitude"} if light.date is None else set()
+    own = light.model_dump(exclude={"preset", *unused}, exclude_defaults=True)
     return words + f" with own {', '.join(own)}" * bool(own)
 
 

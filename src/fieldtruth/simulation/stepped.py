@@ -29,6 +29,7 @@ from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.ontology import check_others
 from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
@@ -90,6 +91,7 @@ def experiment_for(
     if world is not None:
         return _with_classes(found, world)
     check_experiment(found)
+    check_others(classes_of(found.environment, found.layout))
     return found
 
 

@@ -8,17 +8,17 @@ The layout is the one place that has them: worlds keep theirs, and so does the e
 import re
 from collections.abc import Iterator, Mapping
 from itertools import product
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator
 
 from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
-from fieldtruth.core.errors import FieldtruthError, suggestion
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
-from fieldtruth.ontology import label_map_of
 
 CLASSES_KEY: Final = "classes"
+CLASSES_FILE: Final = ".classes.yaml"
+"""Ending, in place of its own, of the file with this key beside a bag without an experiment."""
 FIRST: Final = 32
 """First id of an own class; smaller ones are for classes of ours that may come."""
 LAST: Final = 255
@@ -40,18 +40,8 @@ class OwnClass(Frozen):
     label_maps: Mapping[str, str] = Field(
         default={}, description="a mapping of names of label maps to one of their classes"
     )
-    """Class of another ontology by the name of the label map; void in those that are not listed."""
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        for name, other in self.label_maps.items():
-            try:
-                known = [row.name for row in label_map_of(name).classes.values()]
-            except FieldtruthError as error:
-                raise LocatedError(str(error), ("label_maps",)) from error
-            if other not in known:
-                raise LocatedError(f"unknown class {other!r}; {suggestion(other, known)}", ("label_maps", name))
-        return self
+    """Class of another ontology by the name of the label map; void in those that are not listed. The names are checked
+    before a world is built, in ``simulation``: worlds do not depend on label maps."""
 
 
 class ClassesConfig(Frozen):
@@ -122,15 +112,15 @@ def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
 
 
-def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES) -> ClassTable:
-    """Return a table with the classes of a layout; raises as ``classes_of``."""
+def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES, source: str = "layout") -> ClassTable:
+    """Return a table with the classes of a layout; raises as ``classes_of``, with ``source`` in front."""
     own = layout.get(CLASSES_KEY)
     if not own:
         return classes
     try:
         return class_table(ClassesConfig(classes=own).classes, classes)
     except ValidationError as report:
-        raise configuration_error(ClassesConfig, report, "layout") from report
+        raise configuration_error(ClassesConfig, report, source) from report
 
 
 def as_layout(classes: ClassTable) -> dict[str, Any]:

@@ -113,6 +113,8 @@ class Mesh:
     footprint: float = 0.5
     species: tuple[str, ...] = ()
     """Names of the species, or of the rock type, that it was made from; empty for furniture."""
+    passable: bool = False
+    """True: a robot passes through it, whatever its class; it has no colliders."""
     axis: NDArray[np.float32] | None = None
     """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
 

@@ -112,5 +112,10 @@ class ObjectConfig(Frozen):
 
     @property
     def title(self) -> str:
-        """Name of its mesh and of its copies."""
+        """Name of its copies."""
         return self.name or self.path.stem
+
+    @property
+    def mesh(self) -> str:
+        """Name of its mesh, which no environment gives to one of its own."""
+        return f"own_{self.title}"

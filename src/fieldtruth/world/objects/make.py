@@ -83,12 +83,13 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
     keys = np.column_stack([keys, np.repeat(_facing(vertices, sound.faces) * np.array(plain)[of_part], 3)])
     _, first, number = np.unique(row_keys(keys), return_index=True, return_inverse=True)
     mesh = make_mesh(
-        config.title, vertices[sound.faces].reshape(-1, 3)[first], sound.normals.reshape(-1, 3)[first],
+        config.mesh, vertices[sound.faces].reshape(-1, 3)[first], sound.normals.reshape(-1, 3)[first],
         corner_uv.reshape(-1, 2)[first], number, names, np.array(rows)[of_part],
         colliders=_colliders(config, vertices, sound.faces, where),
+        passable=config.collider == "none",
         footprint=float(np.hypot(*vertices[sound.faces].reshape(-1, 3)[:, :2].T).max()),
     )  # fmt: skip
-    return OwnObject(mesh, materials, textures, _circles(vertices[sound.faces].reshape(-1, 3)))
+    return OwnObject(mesh, materials, textures, circles_of(vertices[sound.faces].reshape(-1, 3)))
 
 
 def _notes(turned: int, open_edges: int, count: int) -> Iterator[str]:
@@ -257,7 +258,7 @@ def _extremes(points: Array) -> Array:
     return np.asarray(points[np.unique([(points / sides @ direction).argmax() for direction in directions])])
 
 
-def _circles(points: Array) -> Array:
+def circles_of(points: Array) -> Array:
     """Circles (n, 3) over squares along the longer side of the box around some points, seen from above."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     sides = np.maximum(high - low, 1e-3)

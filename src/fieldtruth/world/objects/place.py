@@ -16,7 +16,7 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, world_from_geodetic
 from fieldtruth.world.model import Heightfield, Instance, Swarm, Terrain, water_at
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
-from fieldtruth.world.objects.make import OwnObject, make_object
+from fieldtruth.world.objects.make import OwnObject, circles_of, make_object
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
 from fieldtruth.world.plants import TREES
 
@@ -33,18 +33,18 @@ _TAKEN: Final = ("snag", "stump", "water", "bush")
 
 
 def stand_objects(builder: WorldBuilder, objects: Sequence[ObjectConfig], origin: Origin = PAPER_ORIGIN) -> None:
-    """Add the objects that have a place; all that is placed later keeps off them.
+    """Read all objects, and add those that have a place; all that is placed later keeps off them.
 
     Raises:
         ConfigurationError: a file that cannot be used, or a place outside the world.
     """
     for k, config in enumerate(objects):
-        poses = _poses(config, origin)
-        if not poses:
-            continue
-        own, where = _add_surfaces(builder, config, k), f"layout.objects[{k}] ({config.title})"
+        own, where = make_object(config, f"layout.objects[{k}]"), f"layout.objects[{k}] ({config.title})"
+        builder.meshes[own.mesh.name] = own.mesh
+        builder.materials.update(own.materials)
+        builder.textures.update(own.textures)
         half = np.array(builder.size) / 2
-        for x, y, yaw, height in poses:
+        for x, y, yaw, height in _poses(config, origin):
             if (np.abs([x, y]) > half).any():
                 length, width = builder.size
                 raise ConfigurationError(
@@ -56,10 +56,10 @@ def stand_objects(builder: WorldBuilder, objects: Sequence[ObjectConfig], origin
 
 
 def scatter_objects(builder: WorldBuilder, terrain: Terrain, objects: Sequence[ObjectConfig], seed: int) -> None:
-    """Add the objects with a rule, and take the members of swarms away where they stand.
+    """Add the objects with a rule, which ``stand_objects`` has read, and take away what grows where they stand.
 
     Raises:
-        ConfigurationError: a file that cannot be used, or a surface that the world does not have.
+        ConfigurationError: a surface that the world does not have.
         CrowdedWorldError: fewer than asked for fit.
     """
     for k, config in enumerate(objects):
@@ -71,7 +71,8 @@ def _scatter(builder: WorldBuilder, terrain: Terrain, config: ObjectConfig, k: i
     """Scatter the copies of the object number ``k``."""
     rule, where, (length, width) = config.scatter, f"layout.objects[{k}] ({config.title})", builder.size
     assert rule is not None
-    own = _add_surfaces(builder, config, k)
+    mesh = builder.meshes[config.mesh]
+    own = OwnObject(mesh, {}, {}, circles_of(mesh.vertices.astype(np.float64)))
     count = rule.count or max(1, round((rule.per_hectare or 0.0) * length * width / 1e4))
     darts = _darts(builder, rule, count, rng)
     darts = darts[_allowed(builder, terrain, rule, where, darts)]
@@ -97,17 +98,6 @@ def _poses(config: ObjectConfig, origin: Origin) -> list[tuple[float, float, flo
         x, y, _ = world_from_geodetic([latitude, longitude, origin.height], origin).tolist()
         given.append((x, y, *others, 0.0, 0.0)[:4])
     return [(x, y, yaw, height) for x, y, yaw, height in given]
-
-
-def _add_surfaces(builder: WorldBuilder, config: ObjectConfig, k: int) -> OwnObject:
-    """Read an object and give its materials and textures to the builder."""
-    where = f"layout.objects[{k}]"
-    own = make_object(config, where)
-    if own.mesh.name in builder.meshes:
-        raise ConfigurationError(f"{where}: name {config.title!r} is that of another mesh; give it one of its own")
-    builder.materials.update(own.materials)
-    builder.textures.update(own.textures)
-    return own
 
 
 def _add(builder: WorldBuilder, config: ObjectConfig, own: OwnObject, pose: Array) -> Instance:
