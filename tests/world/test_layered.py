@@ -215,6 +215,45 @@ def test_the_layers_are_keys_of_the_layout(tmp_path: Path) -> None:
     assert not other.swarms
 
 
+def test_objects_along_contours_have_the_larger_side_to_their_left(tmp_path: Path) -> None:
+    """Contours of the distance from the middle are circles; trunks lie where their rule allows all of them."""
+    text = TEXT.replace("  patch:", "  away: hypot(x, y)\n  patch:").replace(
+        "objects:",
+        "objects:\n  logs: {group: log, kind: log, count: 5, where: y < -3}\n"
+        "  ring: {furniture: [trash_bin_0], along: {contours: away, step: 5, every: 1, offset: -0.5}, aligned: true}",
+        1,
+    )
+    groups = (
+        '  log: {form: log, name: "log_{species}_{k}", species: {oak: [2, 3]}, count: 2, radius: 0.15, detail: 0.3}\n'
+    )
+    with environment(tmp_path / "round.yaml", text.replace("  stone: {form", groups + "  stone: {form", 1)) as name:
+        world = build_world(name, 3)
+    poses = np.array([each.world_from_object for each in of_kind(world, "ring")])
+    radii = np.hypot(*poses[:, :2, 3].T)
+    assert len(poses) > 15
+    np.testing.assert_allclose(np.abs(radii - np.round((radii + 0.5) / 5) * 5 + 0.5), 0.0, atol=0.02)
+    np.testing.assert_allclose((poses[:, :2, 1] * poses[:, :2, 3]).sum(axis=1) / radii, 1.0, atol=0.02)
+    logs = of_kind(world, "log")
+    assert len(logs) == 5
+    for log in logs:
+        ends = log.world_from_object[:2, 3, None] + log.world_from_object[:2, :1] * [-0.7, 0.7]
+        assert (ends[1] < -3).all()
+
+
+def test_a_forest_beyond_closes_the_view_and_the_land_goes_on(tmp_path: Path) -> None:
+    text = TEXT + "beyond: {hills: 0, land: 0.05 * x, canopy: {height: 8, behind: 20}}\n"
+    with environment(tmp_path / "closed.yaml", text) as name:
+        mesh = build_world(name, 3).backdrop
+    assert mesh is not None
+    x, y, z = mesh.vertices.astype(np.float64).T
+    outside = np.hypot(np.maximum(np.abs(x) - 12, 0), np.maximum(np.abs(y) - 8, 0))
+    near, far = (outside > 14) & (outside < 17), (outside > 23) & (outside < 30)
+    assert np.median(z[near] - 0.05 * x[near]) == pytest.approx(0.01 * 20, abs=0.3)
+    assert np.median(z[far] - 0.05 * x[far]) == pytest.approx(8 + 0.25 * 6 + 0.01 * 35, abs=2.5)  # and its crowns
+    canopy = mesh.faces[mesh.material == mesh.materials.index("canopy")]
+    assert 14 < outside[canopy].min() < 20  # triangles of which the middle is behind 19 m
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -226,6 +265,8 @@ def test_the_layers_are_keys_of_the_layout(tmp_path: Path) -> None:
         ("patch: noise(6, 3)", "patch: patch + 1", "fields.patch: follows from itself"),
         ("group: grass", "group: gras", "plants.grass: unknown group 'gras'; did you mean 'grass'"),
         ("line: ditch", "line: dich", "objects.posts.along: unknown line 'dich'"),
+        ("line: ditch", "contours: dich", "objects.posts.along: unknown field 'dich'"),
+        ("line: ditch", "line: ditch, contours: wet", "objects.posts.along: either line or contours is required"),
         ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
         ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
         ("litter_amount: 0", "seasonal: {winter: {grass: [wheet]}}", "seasonal.winter: grass: unknown species 'wheet'"),

@@ -111,6 +111,27 @@ def rolling_hills(size: tuple[float, float], rng: np.random.Generator, *, height
     return land
 
 
+def canopy(
+    size: tuple[float, float], rng: np.random.Generator, *, behind: float, roof: float = 13.0, hills: float = 16.0
+) -> Land:
+    """Level ground below trees up to ``behind`` [m] from the edge, then a step of about a metre more than ``roof`` [m]
+    up to the canopy of a closed forest, over hills that rise to ``hills`` [m] at the horizon.
+    """
+    ground = rolling_hills(size, rng, height=hills)
+    waves = [
+        (*rng.normal(0.0, 0.5 / length, 2), rng.uniform(0, 6.3), 0.16 * length**0.7)
+        for length in rng.uniform(2.0, 14.0, 24)
+    ]
+
+    def land(x: Array, y: Array) -> Array:
+        outside = distance_beyond(size, x, y)
+        bumps = sum(height * np.cos(6.3 * (kx * x + ky * y) + phase) for kx, ky, phase, height in waves)
+        crowns = roof + 0.25 * np.minimum(outside - behind, 40.0) + bumps
+        return np.asarray(ground(x, y) + np.where(outside > behind + 1.0, crowns, 0.0))
+
+    return land
+
+
 def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh) -> Land:
     """Height [m] of a backdrop's ground as a function of x, y up to 100 m outside the world's edge."""
     count = len(_edge(field)[0])

@@ -83,9 +83,12 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     | {
         name: Environment(description, f"{__name__}.layered")
         for name, description in (
+            ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
+            ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
             ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),
+            ("wet_meadow", "wet meadow: ditches with reeds, drains, pools, soft ground, rushes, willows, a track"),
         )
     },
 )

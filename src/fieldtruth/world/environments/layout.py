@@ -26,7 +26,7 @@ from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.objects.config import ObjectConfig
 from fieldtruth.world.placement import SwarmForm, SwarmSpec
-from fieldtruth.world.plants.deadwood import grow_snag
+from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, grow_twigs
 from fieldtruth.world.plants.grasses import grow_clump, grow_tuft, tufts_in
 from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrownIn, heights_of
 from fieldtruth.world.plants.trees import grow_bush, grow_tree
@@ -36,10 +36,13 @@ from fieldtruth.world.seasons import SUMMER, USUAL, seasons
 Heights = float | tuple[float, float]
 """One height, or the least and the greatest."""
 _LIBRARIES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "tree": TREES, "snag": TREES, "bush": BUSHES, "tuft": GRASSES, "clump": GRASSES, "rock": ROCK_TYPES,
+    "tree": TREES, "snag": TREES, "log": TREES, "stump": TREES, "twigs": {}, "bush": BUSHES, "tuft": GRASSES,
+    "clump": GRASSES, "rock": ROCK_TYPES,
 }  # fmt: skip
 _GROW: Final[Mapping[str, Callable[..., Mesh]]] = {
     "tree": grow_tree, "snag": grow_snag, "bush": grow_bush, "tuft": grow_tuft,
+    "log": lambda kind, height, **own: grow_log(kind, length=height, **own),
+    "stump": lambda kind, height, **own: grow_stump(kind, radius=height, **own),
 }  # fmt: skip
 
 
@@ -47,10 +50,11 @@ _GROW: Final[Mapping[str, Callable[..., Mesh]]] = {
 class PlantGroup:
     """Individuals of some species, as meshes: trees, bushes, single tufts of grass and herbs, or clumps of tufts.
 
-    Rocks have types for species, and lengths for heights.
+    Rocks have types for species, and lengths for heights; so do fallen trunks (``log``), and stumps have radii. Fallen
+    twigs lie in a disc and have no species.
     """
 
-    form: Literal["tree", "snag", "bush", "tuft", "clump", "rock"]
+    form: Literal["tree", "snag", "log", "stump", "twigs", "bush", "tuft", "clump", "rock"]
     name: str  # of a mesh; ``{species}`` and ``{k}``, the number of the individual, are replaced
     species: Mapping[str, Heights] = field(default_factory=dict)  # heights [m], or shares of a clump's tufts
     mixed: tuple[str, ...] = ()  # species of one individual each, in this order, instead; names may occur again
@@ -61,8 +65,10 @@ class PlantGroup:
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
     grown_in: GrownIn = "open"  # trees
-    radius: float = 0.0  # [m] of a clump
-    per_m2: float = 0.0  # tufts of a clump
+    radius: float = (
+        0.0  # [m] of a clump or a disc of twigs; of the thickest fallen trunk, others have half of it or more
+    )
+    per_m2: float = 0.0  # tufts of a clump, or twigs
     size: float = 0.5  # of the first clump, as in ``grow_clump``
     larger: float = 0.0  # by which each further clump is larger
     triangles: int = 720  # of a rock
@@ -103,7 +109,7 @@ def _planting(name: str, content: Entry, path: Path) -> Planting:
         known = list(_LIBRARIES[group.form])  # names: no species is read
         for unknown in (each for each in (*group.species, *group.mixed) if each not in known):
             raise ConfigurationError(f"{path}: groups.{key}: unknown species {unknown!r}; {suggestion(unknown, known)}")
-        if not group.species and group.heights is None:
+        if not group.species and group.heights is None and group.form != "twigs":
             raise ConfigurationError(f"{path}: groups.{key}: species or heights is missing")
         if set(re.findall(r"{.*?}|[{}]", group.name)) - {"{species}", "{k}"}:
             raise ConfigurationError(f"{path}: groups.{key}: name may have {{species}} and {{k}}, got {group.name!r}")
@@ -151,6 +157,9 @@ class Planter:
             own: dict[str, Any] = {"radius": form.radius, "per_m2": form.per_m2, "rng": rng, "detail": form.detail}
             sizes = [form.size + form.larger * k for k in numbers]
             return [grow_clump(shares, name=form.name.format(k=k), size=size, **own) for k, size in enumerate(sizes)]
+        if form.form == "twigs":
+            own = {"radius": form.radius, "count": tufts_in(form.per_m2, form.radius), "rng": rng}
+            return [grow_twigs(name=form.name.format(k=k), **own) for k in numbers]
         if form.mixed:
             return [self.individual(group, name, k, rng, count) for k, name in enumerate(names)]
         if form.in_turn:
@@ -178,10 +187,15 @@ class Planter:
         if form.form == "rock":
             return make_rock(kind, name=name, size=height, rng=rng, triangles=form.triangles, solid=form.solid)
         height *= kind.grown.height if form.relative else 1.0
-        if species not in form.species:  # as high as others of the group, as far as it can be
+        if species not in form.species and form.form not in (
+            "log",
+            "stump",
+        ):  # as high as others of the group, as far as it can be
             low, high = heights_of(kind, height, form.grown_in)
             height = min(max(height, low), high)
         own: dict[str, Any] = {"grown_in": form.grown_in} if form.form == "tree" else {}
+        if form.form == "log":
+            own["radius"] = form.radius * float(rng.uniform(0.5, 1.0))
         return _GROW[form.form](kind, name=name, height=height, rng=rng, detail=form.detail, **own)
 
     def swarm(

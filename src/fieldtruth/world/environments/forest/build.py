@@ -15,7 +15,7 @@ groups where some light falls, thousands to the hectare; dwarf shrubs, ferns and
 needles and leaves the rest. Beyond the world's edge are some rows of trees, and behind them the canopy over the hills.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -25,9 +25,10 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.layout import HILLS, hills_spacing
+from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.grids import (
     COVER,
     Line,
@@ -42,18 +43,15 @@ from fieldtruth.world.grids import (
     noise_map,
     signed_distance,
 )
-from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     Density,
     FarSwarm,
     ObjectGroup,
     WorldBuilder,
-    place_until_count,
-    random_tint,
-    rotations_to,
 )
-from fieldtruth.world.plants import TREES, clearance_circles, grow_log, grow_snag, grow_stump, grow_tree, grow_twigs
+from fieldtruth.world.plants import TREES, grow_log, grow_snag, grow_stump, grow_tree, grow_twigs
 from fieldtruth.world.relief import (
     Axes,
     limit_slope,
@@ -195,9 +193,6 @@ def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator)
     builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))
 
 
-LOG_TRIES = 400
-
-
 def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
     """Lay fallen trunks off the trails; stand snags and stumps between the trees."""
 
@@ -216,8 +211,12 @@ def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generat
         )
         for k in range(min(config.fallen_trunks, 8))
     ]
+
+    def clear_of_trails(circles: Array) -> Mask:
+        return builder.trail_distance(circles[:, :2]) > circles[:, 2] + 0.2
+
     for k in range(config.fallen_trunks):
-        _lay_log(builder, logs[k % len(logs)], rng)
+        lay_log(builder, logs[k % len(logs)], rng, clear_of_trails)
     snags = [
         grow_snag(trees[k % len(trees)], name=f"snag_{k}", height=float(rng.uniform(2.5, 13.0)), rng=rng, detail=0.5)
         for k in range(min(config.snags, 8))
@@ -230,49 +229,6 @@ def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generat
     ]
     group = ObjectGroup(kind="stump", meshes=stumps, count=config.stumps, spacing=4.0, tint=0.1)
     builder.scatter(group, rng, off_trails)
-
-
-def _lay_log(builder: WorldBuilder, log: Mesh, rng: np.random.Generator) -> None:
-    """Lay one fallen trunk along the ground. Draws x, y and yaw per try, and a tint at the end.
-
-    Raises:
-        CrowdedWorldError: no space within ``LOG_TRIES`` tries.
-    """
-    clearance = np.array(clearance_circles(log))
-
-    def candidates() -> Iterator[Array]:
-        for _ in range(LOG_TRIES):
-            yield np.array([*(rng.uniform(-0.5, 0.5, 2) * builder.size), rng.uniform(0.0, 2.0 * np.pi)])
-
-    def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
-        x, y, yaw = candidate
-        along = clearance[:, 0]
-        circles = np.column_stack([x + along * np.cos(yaw), y + along * np.sin(yaw), clearance[:, 2]])
-        if not (builder.trail_distance(circles[:, :2]) > circles[:, 2] + 0.2).all():
-            return None
-        if not all(builder.is_free(circle[:2], circle[2]) for circle in circles):
-            return None
-        pose = _lying_pose(candidate, along, builder.field.height_at(circles[:, 0], circles[:, 1]))
-        return builder.add("fallen_trunk", log, pose, [tuple(c) for c in circles.tolist()], tint=random_tint(rng, 0.1))
-
-    group = ObjectGroup(kind=f"fallen trunk {log.name}", meshes=[log], count=1)
-    group.check_complete(place_until_count(1, candidates(), attempt))
-
-
-def _lying_pose(candidate: Array, along: Array, ground: Array) -> Array:
-    """Pose (4, 4) at (x, y, yaw) on the mean slope of ``ground`` heights [m], ``along`` [m] from the trunk's centre.
-
-    The trunk spans hollows of up to 5 cm.
-    """
-    x, y, yaw = candidate
-    ahead = np.array([np.cos(yaw), np.sin(yaw)])
-    slope, middle = np.polyfit(along, ground, 1)
-    gap = float((middle + slope * along - ground).max())
-    pose = np.eye(4)
-    turn = np.array([[ahead[0], -ahead[1], 0.0], [ahead[1], ahead[0], 0.0], [0.0, 0.0, 1.0]])
-    pose[:3, :3] = rotations_to(np.array([[-slope * ahead[0], -slope * ahead[1], 1.0]]))[0] @ turn
-    pose[:3, 3] = x, y, middle - max(gap - 0.05, 0.0)
-    return pose
 
 
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
@@ -404,23 +360,6 @@ FAR_TREES: Final = 12.0
 """Distance [m] from the edge within which single trees stand; behind them the canopy closes the view."""
 
 
-def canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
-    """Level ground below the trees, then a step of 14 m up to the canopy, over hills that rise to the horizon."""
-    hills = rolling_hills(size, rng, height=16.0)
-    waves = [
-        (*rng.normal(0.0, 0.5 / length, 2), rng.uniform(0, 6.3), 0.16 * length**0.7)
-        for length in rng.uniform(2.0, 14.0, 24)
-    ]
-
-    def land(x: Array, y: Array) -> Array:
-        outside = distance_beyond(size, x, y)
-        bumps = sum(height * np.cos(6.3 * (kx * x + ky * y) + phase) for kx, ky, phase, height in waves)
-        roof = 13.0 + 0.25 * np.minimum(outside - FAR_TREES, 40.0) + bumps
-        return np.asarray(hills(x, y) + np.where(outside > FAR_TREES + 1.0, roof, 0.0))
-
-    return land
-
-
 def scatter_far_trees(
     builder: WorldBuilder, config: Config, backdrop: Mesh, growth: np.random.Generator, rng: np.random.Generator
 ) -> list[FarSwarm]:
@@ -455,7 +394,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     glades = make_glades(config.size, herbs)
     plant_herbs(builder, config, glades, herbs)
     plant_understorey(builder, config, glades, np.random.default_rng(seeds[11]))
-    hills = canopy(config.size, land)
+    hills = canopy(config.size, land, behind=FAR_TREES)
 
     def behind_trees(x: Array, y: Array, _slope: Array) -> Index:
         return (distance_beyond(config.size, x, y) > FAR_TREES - 1.0).astype(np.intp)

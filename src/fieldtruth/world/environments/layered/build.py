@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.placing import grown, place_objects, scatter_plants, specified
@@ -21,6 +21,7 @@ from fieldtruth.world.grids import (
     COVER,
     Line,
     coarseness,
+    distance_beyond,
     fractal_noise,
     grid_axes,
     make_heightfield,
@@ -67,9 +68,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     fields.crown = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config)
-    land = rng_of(seed, "beyond")
-    hills = rolling_hills(config.size, land, height=description.beyond.hills)
-    backdrop = make_backdrop(builder.field, config.size, description.beyond.material, land, land=hills)
+    backdrop = make_land_beyond(builder, fields)
     return assemble(
         builder,
         terrain,
@@ -192,6 +191,25 @@ def add_water(builder: WorldBuilder, level: float) -> None:
     pose = np.eye(4)
     pose[2, 3] = builder.water_level = level
     builder.add("water", sheet, pose, [])
+
+
+def make_land_beyond(builder: WorldBuilder, fields: Fields) -> Mesh:
+    """Land around the world: hills, and behind the trees at its edge a forest's canopy, if there is one."""
+    beyond, rng, size = fields.description.beyond, rng_of(fields.seed, "beyond"), builder.size
+    roof, names = beyond.canopy, [beyond.material]
+    if roof is None:
+        hills = rolling_hills(size, rng, height=beyond.hills)
+    else:
+        hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
+        names.append(roof.material)
+
+    def land(x: Array, y: Array) -> Array:
+        return hills(x, y) + beyond.land.values({"x": x, "y": y}.__getitem__)
+
+    def cover(x: Array, y: Array, _slope: Array) -> Index:
+        return (distance_beyond(size, x, y) > (roof.behind - 1.0 if roof else np.inf)).astype(np.intp)
+
+    return make_backdrop(builder.field, size, names, rng, land=land, cover=cover)
 
 
 def _swarms_beyond(builder: WorldBuilder, fields: Fields, config: Any, backdrop: Mesh) -> list[FarSwarm]:

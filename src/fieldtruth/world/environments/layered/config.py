@@ -6,7 +6,7 @@ Later sections know the results of earlier ones: ground and objects the relief, 
 of the layers of objects and plants are keys of the layout, with their counts and densities.
 """
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -57,11 +57,13 @@ class Rows(Frozen):
 
 
 class Along(Frozen):
-    """Positions along a line of the environment, or along its trails."""
+    """Positions along a line of the environment, along its trails, or along the contour lines of a field."""
 
-    line: str
+    line: str = ""
+    contours: str = ""  # a field, instead
+    step: Positive = 1.0  # of the field between its contours
     every: Positive  # [m]
-    offset: Number = 0.0  # [m] to the left of the line; of trails from their edge, on both sides
+    offset: Number = 0.0  # [m] to the left of the line, where a field is larger; of trails from their edge, both sides
     jitter: Distance = 0.0
     gaps: Share = 0.0
 
@@ -123,11 +125,21 @@ class TrailSurface(Frozen):
     border_width: Distance = 0.2  # [m] inwards from the edge
 
 
+class Canopy(Frozen):
+    """A closed forest beyond the edge: from afar its crowns are one surface."""
+
+    height: Positive  # [m]
+    behind: Positive  # [m] from the edge; single trees stand up to there
+    material: str = "canopy"
+
+
 class Beyond(Frozen):
     """The land beyond the world's edge."""
 
     material: str = "meadow"
     hills: Distance = 9.0  # [m] at the horizon
+    land: Rule = Field(default=Expression("0"))  # height [m] that is added to them, of x and y
+    canopy: Canopy | None = None
     swarms: Mapping[str, Plants] = {}
 
 
@@ -179,8 +191,7 @@ class Description(Frozen):
         if self.water is not None and self.puddles is not None:
             raise ValueError("either water or puddles is allowed")
         for key, layer in self.objects.items():
-            if layer.along is not None and layer.along.line not in ("trail", *self.lines):
-                raise ValueError(f"objects.{key}.along: unknown line {layer.along.line!r}")
+            _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
         early = FLAT | set(self.lines)
         flat = early | {name for name in self.fields if not self._is_shaped(name)}
         for section, allowed in (("fields", early | SHAPED | set(self.fields)), ("relief", flat | SHAPED)):
@@ -189,12 +200,13 @@ class Description(Frozen):
         known = early | SHAPED | LATE | set(self.fields)
         for key, rule in self._rules():
             _checked(key, rule, known, noise=False)
+        _checked("beyond.land", self.beyond.land, {"x", "y"}, noise=False)
         return self
 
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
-        yield "beyond", (self.beyond.material,)
+        yield "beyond", (self.beyond.material, *([self.beyond.canopy.material] if self.beyond.canopy else []))
         yield "puddles", (self.puddles.material,) if self.puddles is not None else ()
 
     def _rules(self) -> Iterator[tuple[str, Expression]]:
@@ -216,6 +228,16 @@ def _checked(key: str, rule: Expression, known: Set[str], noise: bool) -> None:
         rule.check(known, noise=noise)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from error
+
+
+def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:
+    if along is None:
+        return
+    if bool(along.line) == bool(along.contours):
+        raise ValueError(f"{key}: either line or contours is required")
+    kind, name, known = ("line", along.line, ("trail", *lines)) if along.line else ("field", along.contours, [*fields])
+    if name not in known:
+        raise ValueError(f"{key}: unknown {kind} {name!r}; {suggestion(name, known)}")
 
 
 def _described(name: str, content: Entry, path: Path) -> Description:

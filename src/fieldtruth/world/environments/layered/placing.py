@@ -7,11 +7,15 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from contourpy import contour_generator
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.config import Along, Objects, Plants, Rows
+from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layout import PLANTINGS
+from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import Mesh
@@ -20,6 +24,10 @@ from fieldtruth.world.stand import Stand
 
 TRIES: Final = 6000
 """Random positions of a layer in a world as large as the built-in ones."""
+_CORNER: Final = 4
+"""Each of this number of a contour's corners, of which every cell of the grid has one, is a corner of its line."""
+_BESIDE: Final = 0.2
+"""Distance [m] from a contour at which its larger side is looked up."""
 
 
 def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
@@ -40,6 +48,8 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         allowed = _chance(fields, layer, rng)
         if not layer.count:
             _place_all(builder, fields, layer, group, rng, amount)
+        elif layer.group and PLANTINGS[config.environment].groups[layer.group].form == "log":
+            _lay_all(builder, group, rng, allowed)
         elif layer.stand:
             stand = stand or Stand(builder)
             stand.plant(group, rng, allowed)
@@ -84,6 +94,13 @@ def _pose(builder: WorldBuilder, layer: Objects) -> Callable[[Array, float, floa
     return pose
 
 
+def _lay_all(
+    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask]
+) -> None:
+    for k in range(group.count):
+        lay_log(builder, group.mesh(k), rng, lambda circles: allowed(circles[:, :2]), kind=group.kind, tint=group.tint)
+
+
 def _place_all(
     builder: WorldBuilder, fields: Fields, layer: Objects, group: ObjectGroup, rng: np.random.Generator, share: float
 ) -> None:
@@ -122,13 +139,14 @@ def in_rows(size: tuple[float, float], rows: Rows, rng: np.random.Generator) -> 
 
 
 def along_line(builder: WorldBuilder, fields: Fields, along: Along, rng: np.random.Generator) -> Array:
-    """Positions (n, 3): x, y [m] and the heading [rad] along a line, or on both sides of the trails."""
+    """Positions (n, 3): x, y [m] and the heading [rad] along a line or contours, or on both sides of the trails."""
     lines: list[tuple[Line, float]]
     if along.line == "trail":
         edges = [(part, trail.width / 2 + along.offset) for trail in builder.trails for part in trail.line.parts()]
         lines = [(line, side * off) for line, off in edges for side in (-1.0, 1.0)]
     else:
-        lines = [(part, along.offset) for part in fields.lines[along.line].parts()]
+        parts = contours(fields, along.contours, along.step) if along.contours else fields.lines[along.line].parts()
+        lines = [(part, along.offset) for part in parts]
     found = [np.zeros((0, 3))]
     for line, left in lines:
         step = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.points, axis=0), axis=1))])
@@ -136,6 +154,23 @@ def along_line(builder: WorldBuilder, fields: Fields, along: Along, rng: np.rand
         (tx, ty), points = line.tangents[rows].T, line.points[rows]
         found.append(np.column_stack([points + left * np.column_stack([-ty, tx]), np.arctan2(ty, tx)]))
     return _kept(np.concatenate(found), builder.size, along.jitter, along.gaps, rng)
+
+
+def contours(fields: Fields, name: str, step: float) -> list[Line]:
+    """Lines along which a field is a multiple of ``step``; to their left it is larger."""
+    rule = Expression(name)
+    values, lines = fields.on(rule, fields.nodes), []
+    traced = contour_generator(*fields.nodes, values.T)
+    for level in np.arange(np.ceil(values.min() / step), np.floor(values.max() / step) + 1) * step:
+        for corners in traced.lines(level):
+            kept = np.asarray(corners)[np.unique([*range(0, len(corners), _CORNER), len(corners) - 1])]
+            if len(kept) < 3:
+                continue
+            line = Line.through(kept)
+            middle = len(line.points) // 2
+            left = line.points[middle] + line.tangents[middle, ::-1] * (-_BESIDE, _BESIDE)
+            lines.append(line if fields.at(rule, left[None])[0] > level else Line.through(kept[::-1]))
+    return lines
 
 
 def _kept(candidates: Array, size: tuple[float, float], jitter: float, gaps: float, rng: np.random.Generator) -> Array:
