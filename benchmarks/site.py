@@ -96,9 +96,9 @@ def inventory(path: Path, size: tuple[float, float], count: int, rng: np.random.
 
 
 def paths_file(path: Path, size: float) -> Path:
-    """Write a map with a grid of tracks, 250 m apart."""
+    """Write a map with a grid of tracks, 250 m apart; a small one has two."""
     nodes, ways = list[str](), list[str]()
-    for k, offset in enumerate(np.arange(-size / 2 + 125.0, size / 2, 250.0)):
+    for k, offset in enumerate(np.arange(min(125.0, size / 2) - size / 2, size / 2, 250.0)):
         for turned in (False, True):
             ids = []
             for at in np.linspace(-size / 2 - 10, size / 2 + 10, 20):
