@@ -55,6 +55,8 @@ REACH: Final = 2.5
 """Distance [m] between a found and a true top that are the same tree, at most."""
 PULSES: Final = 8.0
 """Pulses to the square metre of a scan."""
+VIEWS: Final = 6
+"""Poses of photographs in each world."""
 SWATH_DEG: Final = 12.0
 """Greatest angle of a pulse from the vertical."""
 FOOTPRINT: Final = 0.3
@@ -157,8 +159,8 @@ def measure_images(folder: Path) -> None:
     cameras, poses = list[Camera](), list[list[Array]]()
     for world in (site, forest):
         cameras.append(Camera(rig.stereo, bake(Scene(world), light, folder=None), reuse=True))
-        poses.append(random_poses(world, 8))
-    route = poses_on_route(settings.experiment.route, forest, rig, 8)
+        poses.append(random_poses(world, VIEWS))
+    route = poses_on_route(settings.experiment.route, forest, rig, VIEWS)
     poses.append([each @ rig.imagers[0].base_from_optical for each in route])
     own, trail, driven = (fastest(cameras[k], poses[j]) for k, j in ((0, 0), (1, 1), (1, 2)))
     print(
@@ -167,7 +169,7 @@ def measure_images(folder: Path) -> None:
     )
 
 
-def fastest(camera: Camera, poses: Sequence[Array], tries: int = 3) -> float:
+def fastest(camera: Camera, poses: Sequence[Array], tries: int = 2) -> float:
     """Mean over poses of the least processor time [s]."""
     best = np.full(len(poses), np.inf)
     camera.render(poses[0])
