@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Series of ideal readings along a drive."""
 
+from types import SimpleNamespace
 from typing import Any
 
+from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
@@ -38,7 +40,8 @@ def odometry_along(track: Track, rig: Rig | None = None) -> WheelOdometry:
 
 def reading_of(config: SensorConfig, track: Track, k: int, part: str = "", rig: Rig | None = None) -> Any:
     """Reading ``k`` of an ideal sensor of motion."""
-    sensor = sensor_class(config)(config, SensorWorld(None, rig or Rig(), seed=0))  # type: ignore[arg-type]
+    world: Any = SimpleNamespace(origin=PAPER_ORIGIN)
+    sensor = sensor_class(config)(config, SensorWorld(world, rig or Rig(), seed=0))
     (output,) = (each for each in config.outputs() if each.part == part)
     stamp = round((k + 1) * 1e9 / output.rate_hz)
     return sensor.read(output, At(k, stamp, stamp, movement_of(track)))

@@ -293,7 +293,7 @@ def test_buildings_and_fences_are_only_where_they_can_be() -> None:
     assert (len(of_park), [row.name for row in of_site[18:]]) == (18, ["building", "fence"])
     assert classes_of("park", {"objects": [{"file": "house.glb"}]}) == CLASSES
     assert of_park.joined(of_site) == CLASSES
-    with pytest.raises(ConfigurationError, match=r"class 32 is a in one run, and class 32 is b in another"):
+    with pytest.raises(ValueError, match=r"class 32 is a in one run, and class 32 is b in another"):
         with_own({"classes": {"a": {}}}).joined(with_own({"classes": {"b": {}}}))
 
 

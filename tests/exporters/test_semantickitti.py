@@ -217,7 +217,7 @@ def test_images_are_photographs_with_the_stamp_of_a_cloud(made: Path, bag: Path,
 
 
 def test_configuration_describes_the_classes(made: Path, clouds: list[Any], description: dict[str, Any]) -> None:
-    assert description["labels"] == {c.label.value: c.name for c in CLASSES[:18]}
+    assert description["labels"] == {int(c.label): c.name for c in CLASSES[:18]}
     assert description["color_map"][8] == [20, 97, 204]  # blue first
     counts = np.sum([np.bincount(points(cloud)["label"], minlength=18) for cloud in clouds], axis=0)
     assert description["content"] == {i: counts[i] / counts.sum() for i in range(18)}

@@ -12,7 +12,7 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.core.geodesy import PAPER_ORIGIN, geodetic_from_world, world_from_geodetic
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
@@ -171,7 +171,8 @@ def _checked(fixes: Any, true: GnssReadings, config: GnssConfig) -> Any:
     motion = SimpleNamespace(
         when_known=lambda _, action: action(), state=lambda stamp: SimpleNamespace(world_from_base=poses[stamp])
     )
-    context: Any = SimpleNamespace(motion=motion, tally=Tally, rig=SimpleNamespace(enabled=lambda _: (config,)))
+    rig = SimpleNamespace(enabled=lambda _: (config,))
+    context: Any = SimpleNamespace(motion=motion, tally=Tally, rig=rig, origin=PAPER_ORIGIN)
     checker = Fixes(context)
     for k, stamp in enumerate(true.stamps_ns):
         has = fixes.covariance[k].any()

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.sensors.lidar import check as clouds
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import ray_directions, ray_times_ns
@@ -22,7 +23,7 @@ STAMP = 1_700_000_000_123_456_789
 
 def counts(message: Any, config: LidarConfig) -> dict[str, int]:
     """Number of mistakes by rule."""
-    classes: Any = SimpleNamespace(has_wide_ids=False, see=lambda *_: None)
+    classes: Any = SimpleNamespace(has_wide_ids=False, see=lambda *_: None, classes=CLASSES)
     labels, rays = Tally(clouds.LABELS), Tally(clouds.RAYS)
     clouds._check_cloud(RawMessage(STAMP, "here", "", b""), message, config, labels, rays, classes)
     return {rule.text: tally[rule].wrong for tally in (labels, rays) for rule in tally.spec.rules}

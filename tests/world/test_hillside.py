@@ -171,7 +171,7 @@ def test_swarms_are_on_the_ground(world: World) -> None:
 def test_classes_and_no_trail(world: World) -> None:
     assert world.terrain.trail_distance.values.min() > 0
     assert {int(v) for v in world.terrain.label_at([-49, 0, 49], [-24, 0, 24])} == {Label.GROUND}
-    labels: dict[str, set[Label]] = {"rocks": set(), "trees": set(), "bushes": set()}
+    labels: dict[str, set[int]] = {"rocks": set(), "trees": set(), "bushes": set()}
     for instance in world.instances:
         group = "rocks" if instance.kind in ROCKS else "trees" if instance.kind in TREES else "bushes"
         labels[group] |= {world.materials[n].label for n in world.meshes[instance.mesh].materials}

@@ -43,7 +43,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 def level(world: World) -> float:
-    assert world.water_level is not None
+    assert isinstance(world.water_level, float)
     return world.water_level
 
 

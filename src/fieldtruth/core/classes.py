@@ -17,8 +17,6 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.errors import ConfigurationError
-
 
 class Label(IntEnum):
     """Class id of a point or pixel; the LiDAR's intensity (reflectivity) is the same number."""
@@ -99,13 +97,13 @@ class ClassTable(tuple[SemanticClass, ...]):
         """Return a table with the classes of both.
 
         Raises:
-            ConfigurationError: an id, a name or a colour is of different classes.
+            ValueError: an id, a name or a colour is of different classes.
         """
         both = {*self.coloured, *other.coloured}
         for one, two in combinations(sorted(both), 2):
             if any(a == b for a, b in zip(one, two, strict=True)):
                 text = f"class {one.label} is {one.name} in one run, and class {two.label} is {two.name} in another"
-                raise ConfigurationError(f"{text}: runs of one data set must have the same classes")
+                raise ValueError(f"{text}: runs of one data set must have the same classes")
         rows = {row.label: row for row in both}
         void = [SemanticClass(label, "void", None) for label in range(max(rows) + 1)]
         return ClassTable([rows.get(row.label, row) for row in void], {**self.others, **other.others})

@@ -427,7 +427,8 @@ def _terrain_blockage(world: World, x: Array, y: Array, length: float) -> NDArra
     blockage = np.zeros((len(x), len(y)), np.uint8)
     blockage[(slope > np.tan(np.radians(MAX_SLOPE_DEG)))[cells]] = Blockage.STEEP
     if world.water_level is not None:
-        blockage[field.heights[cells] < world.water_at(x[:, None], y) + FREEBOARD] = Blockage.WATER
+        level = (world.water_at(x[:, None], y) + FREEBOARD).astype(np.float32)  # as heights are
+        blockage[field.heights[cells] < level] = Blockage.WATER
     return blockage
 
 

@@ -168,7 +168,10 @@ def _classes_of(runs: Sequence[Run]) -> ClassTable:
     Raises:
         ConfigurationError: an id is of different classes.
     """
-    return reduce(ClassTable.joined, (run.classes for run in runs))
+    try:
+        return reduce(ClassTable.joined, (run.classes for run in runs))
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from error
 
 
 def _warn_of_left_out(to: str, runs: Sequence[Run], name: str) -> None:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.bag import topics
+from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
@@ -36,14 +37,16 @@ _CONFIG: Final = (
 )
 
 
-def rviz_configuration(rig: Rig, ros: int) -> str:
+def rviz_configuration(rig: Rig, ros: int, highest: int = Label.PARTICLE) -> str:
     """Return RViz's file for ROS 1 or 2: the cloud of each LiDAR, photograph and tag image of each camera or pair.
+
+    Colours of clouds span the classes up to ``highest``.
 
     The frames of cameras are hidden, because their optical frames hide them.
     """
     hidden = [imager.frame for each in rig.sensors if isinstance(each, ImagingConfig) for imager in each.imagers()]
     sensors = {"scanners": rig.enabled(ScanningConfig), "imaging": rig.enabled(ImagingConfig)}
-    return render("ros", "fieldtruth.rviz.jinja", ros=ros, hidden_frames=hidden, **sensors)
+    return render("ros", "fieldtruth.rviz.jinja", ros=ros, hidden_frames=hidden, highest=highest, **sensors)
 
 
 def bridge_text(rig: Rig) -> str:
@@ -120,7 +123,7 @@ def write_ros_package(
     _write_shared_config(folder, world, rig, _again(chosen[0], world, rig, ros))
     if ros == 2:
         write(folder / "config" / "bridge.yaml", bridge_text(rig))
-    write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
+    write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros, len(world.classes) - 1))
 
 
 def _write_shared_config(folder: Path, world: World, rig: Rig, again: Experiment) -> None:
