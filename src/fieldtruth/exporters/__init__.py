@@ -146,17 +146,15 @@ def export(
     _check_options(to, {"publishes": (split, shard_mb) != (None, None), "boxes": boxes, "voxel_m": voxel_m is not None})
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
-    target = Path() if out is None else _checked_output(to, out)
+    target = None if out is None else _checked_output(to, out)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
     runs = [member.run for member in members] or _runs_for(to, paths)
     workers, progress = cpu_count() if workers is None else workers, Silent() if progress is None else progress
     shard_bytes = (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6
-    voxel_m = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
+    edge = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
     classes = _classes_of(runs)
-    chosen = None if chosen is None else chosen.over(classes)
-    options = Options(chosen, workers, progress, members, shard_bytes, boxes, voxel_m, classes)
-    if out is None:
-        target = _checked_output(to, _default_output(to, paths[0], runs[0]))
+    options = Options(chosen and chosen.over(classes), workers, progress, members, shard_bytes, boxes, edge, classes)
+    target = target or _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     _warn_of_left_out(to, runs, target.name)
     return target

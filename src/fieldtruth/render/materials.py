@@ -66,11 +66,9 @@ def material_table(world: World, sun: Array | None = None, wetness: float = 0.0)
     tint = np.array([m.tint for m in materials], np.float32)
     rows = [names.index(n) for n in terrain.ground_materials]
     rgb, material = _ground(terrain, rows, atlas.mean[texture] * tint)
-    if terrain.colour is not None:
-        rgb = terrain.colour
+    rgb = rgb if terrain.colour is None else terrain.colour
     trail, border = (names.index(name) for name in terrain.trail_materials) if terrain.trail_material else (-1, -1)
-    solid = solid_surface(terrain)
-    wear = ground_wear(terrain, rgb, world.seed)
+    solid, wear = solid_surface(terrain), ground_wear(terrain, rgb, world.seed)
     relief = [m.relief if world.textures[m.texture].shape[2] > 3 else 0.0 for m in materials]
     seen = np.zeros((len(materials), 2, TERMS), np.float32)
     for k, m in enumerate(materials):

@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError, field_validator
 
 from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
+from fieldtruth.world.environments import PAPER
 
 CLASSES_KEY: Final = "classes"
 CLASSES_FILE: Final = ".classes.yaml"
@@ -22,8 +23,6 @@ CLASSES_FILE: Final = ".classes.yaml"
 FIRST: Final = 32
 """First id of an own class; smaller ones are for classes of ours that may come."""
 LAST: Final = 255
-WITHOUT_MAPS: Final = ("forest", "hillside", "lake", "park")
-"""Environments of the paper, which have neither buildings nor fences."""
 _GRID: Final = np.array(list(product(range(0, 256, 51), repeat=3)), np.int64)
 """Colours (n, 3) from which those are chosen that a class does not say."""
 _Byte = Annotated[Integer, Field(ge=0, le=255)]
@@ -108,7 +107,7 @@ def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
     Raises:
         ConfigurationError: classes that are not allowed.
     """
-    only_ours = environment in WITHOUT_MAPS and not layout.get("objects") and CLASSES_KEY not in layout
+    only_ours = environment in PAPER and not layout.get("objects") and CLASSES_KEY not in layout
     return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
 
 

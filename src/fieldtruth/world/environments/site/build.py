@@ -22,7 +22,7 @@ from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.environments.site.inputs import LASER, read_elevation
 from fieldtruth.world.environments.site.planting import plant_hedges, plant_herbs, plant_scrub, plant_trees
-from fieldtruth.world.environments.site.sources import read_features, read_stems
+from fieldtruth.world.environments.site.sources import Stem, read_features, read_stems
 from fieldtruth.world.environments.site.structures import build_structures, gates
 from fieldtruth.world.environments.site.surfaces import (
     cover_ground,
@@ -102,12 +102,9 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
         ways = ways_of(features, config)
         paths = distances(ways, features, nodes)
         waters = lay_water(features, ground.heights, nodes, config.size, paths.nearest)
-        crowns = np.array([(s.x, s.y, s.height / 6.0 if np.isnan(s.crown) else s.crown) for s in stems]).reshape(-1, 3)
-        shade = under_crowns(crowns, nodes, spacing := float(nodes[0][1] - nodes[0][0]))
-        rough = [
-            (config.roughness_of(_GROUNDS[config.surface]), 1.0 - shade),
-            (config.roughness_of("forest_floor"), shade),
-        ]
+        shade = under_crowns(_crowns(stems), nodes, spacing := float(nodes[0][1] - nodes[0][0]))
+        open_ground, floor = (config.roughness_of(each) for each in (_GROUNDS[config.surface], "forest_floor"))
+        rough = [(open_ground, 1.0 - shade), (floor, shade)]
         heights = with_microrelief(waters.heights, nodes, fine, rough, micro, lowest=ground.lowest)
         field = make_heightfield(heights, config.grid, *fine)
     builder = WorldBuilder(field, config.size, grouped(way.trail for way in ways), corridors)
@@ -130,17 +127,15 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
     with progress.stage("draw textures"):
         far = _far(builder, config, backdrop, land_rng)
         return assemble(
-            builder,
-            terrain,
-            name=config.name,
-            seed=seed,
-            textures=seeds[7],
-            backdrop=backdrop,
-            beyond=far,
-            litter=config.litter,
-            objects=config.objects,
-            origin=ground.origin,
-        )
+            builder, terrain, name=config.name, seed=seed, textures=seeds[7], backdrop=backdrop, beyond=far,
+            litter=config.litter, objects=config.objects, origin=ground.origin,
+        )  # fmt: skip
+
+
+def _crowns(stems: Sequence[Stem]) -> Array:
+    """Circles (n, 3) of crowns: x, y and radius [m], a sixth of the height where it is not known."""
+    circles = [(s.x, s.y, s.height / 6.0 if np.isnan(s.crown) else s.crown) for s in stems]
+    return np.array(circles).reshape(-1, 3)
 
 
 def _far(builder: WorldBuilder, config: Config, backdrop: Mesh, rng: np.random.Generator) -> list[FarSwarm]:
