@@ -11,7 +11,7 @@ from test_placement import anywhere, mesh
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout, layout_model, load_world
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.environments.layout import network
@@ -90,7 +90,7 @@ def test_placing_looks_at_no_more_objects_in_a_larger_world() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("environment", ENVIRONMENTS)
+@pytest.mark.parametrize("environment", PAPER)
 def test_a_larger_world_has_the_densities_of_the_builtin_one(environment: str) -> None:
     """Kinds of named objects as their counts say; members of a swarm within a factor that its noise patches explain."""
     with without_textures():

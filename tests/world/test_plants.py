@@ -211,6 +211,10 @@ def test_crown_radius_varies_with_azimuth(name: str, seed: int) -> None:
     assert radius.min() > 0.05 * 11.0
 
 
+OPEN = {"aleppo_pine": 0.32, "apple": 0.5}
+"""Least cover of open crowns: a pine whose needles stay two years, and a tree that is pruned for light."""
+
+
 @tree
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
@@ -224,7 +228,7 @@ def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
         q = np.roll(p, -1, 1)
         side = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
         covered.append(((side > 0).all(1) | (side < 0).all(1)).any())
-    assert (0.42 if name in SPARSE else 0.55) < np.mean(covered) < 0.99
+    assert OPEN.get(name, 0.42 if name in SPARSE else 0.55) < np.mean(covered) < 0.99
 
 
 @plants
