@@ -5,7 +5,7 @@
 Noise is a sum of smooth random fields of halving wavelength.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Self
@@ -13,7 +13,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
@@ -23,6 +23,8 @@ BUILT_IN: Final = (100.0, 50.0)
 """Length and width [m] of the built-in worlds, for which the default counts are."""
 FINE_AREA: Final = 40_000.0
 """Area [m^2] up to which grids have their full resolution: 16 million nodes of the terrain."""
+SOFT: Final = 0.3
+"""Standard deviation [m] by which the shade of crowns is smoothed."""
 COVER: Final = 0.1
 """Spacing [m] of the grid of a world's cover at full resolution."""
 
@@ -51,6 +53,18 @@ def make_heightfield(heights: Array, spacing: float, x: Array, y: Array) -> Heig
 def make_raster(values: ArrayLike, spacing: float, x: Array, y: Array) -> Raster:
     """Raster of values (nx, ny) or (nx, ny, channels) on nodes x (nx,), y (ny,), which are ``spacing`` [m] apart."""
     return Raster(values=np.asarray(values, np.float32), spacing=spacing, x0=float(x[0]), y0=float(y[0]))
+
+
+def under_circles(circles: Iterable[tuple[float, float, float]], axes: tuple[Array, Array], fade: float) -> Array:
+    """Share (nx, ny) to which nodes are below circles (x, y, radius) [m]; it falls to 0 over ``fade`` [m] outside."""
+    x, y = axes
+    clear = np.ones((len(x), len(y)), np.float32)
+    for cx, cy, radius in circles:
+        reach = radius + fade
+        i, j = (slice(*np.searchsorted(axis, (c - reach, c + reach))) for axis, c in ((x, cx), (y, cy)))
+        away = np.hypot(x[i, None] - cx, y[j] - cy)
+        clear[i, j] *= np.clip((away - radius) / fade, 0.0, 1.0)
+    return np.asarray(gaussian_filter(1.0 - clear, SOFT / float(x[1] - x[0])))
 
 
 def fractal_noise(

@@ -36,7 +36,7 @@ from fieldtruth.world.grids import (
     noise_map,
 )
 from fieldtruth.world.materials import Roughness
-from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.model import Heightfield, Mesh, Raster, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import (
     CrowdedWorldError,
@@ -50,6 +50,7 @@ from fieldtruth.world.placement import (
 )
 from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, wire_points
 from fieldtruth.world.relief import with_layer, with_microrelief
+from fieldtruth.world.water import add_water, make_flat_sheet
 
 
 def basin_heights(config: Config, rng: np.random.Generator) -> Land:
@@ -489,9 +490,6 @@ def _far_woods(
     return make_swarm("woods_beyond", "tree", trees, poses, rng, tint=0.12), trees
 
 
-WATER_TILE: Final = 30.0  # [m] of water that its texture covers
-
-
 def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     """Build a lake's shore; ``corridors`` stay dry and free of obstacles. The same arguments give the same world.
 
@@ -529,15 +527,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
 def _add_water(builder: WorldBuilder, level: float) -> None:
     """Add one flat sheet that extends below the land, so that the water's edge is where the ground meets it."""
     x, y = (np.linspace(low, high, 25) for low, high in ((-900.0, 900.0), (-900.0, 40.0)))
-    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((25, 25))], axis=-1).reshape(-1, 3)
-    a = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
-    faces = np.stack([a, a + 25, a + 26, a, a + 26, a + 1], axis=-1).reshape(-1, 3)
-    sheet = make_mesh(
-        "lake", vertices, np.tile([0, 0, 1], (len(vertices), 1)), vertices[:, :2] / WATER_TILE, faces, ("water",),
-        footprint=0.0,
-    )  # fmt: skip
-    pose = np.eye(4)
-    pose[2, 3] = level
-    builder.water_level = level
-    builder.add("water", sheet, pose, [])
+    add_water(builder, level, [(make_flat_sheet("lake", x, y), level)])
     builder.instances[-1] = replace(builder.instances[-1], name="lake_1")

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Index
 from fieldtruth.core.classes import Label
@@ -15,7 +14,7 @@ from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, roll
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.placing import grown, place_objects, scatter_plants, specified
-from fieldtruth.world.environments.layered.puddles import Wet, add_sheets, dig_puddles
+from fieldtruth.world.environments.layered.puddles import dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -27,19 +26,19 @@ from fieldtruth.world.grids import (
     make_heightfield,
     make_raster,
     make_trails,
+    under_circles,
 )
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Raster, Terrain, World, make_mesh
+from fieldtruth.world.model import Mesh, Raster, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
+from fieldtruth.world.water import add_water, make_flat_sheet
 
 CANOPY: Final = 0.8
 """Distance [m] over which a crown's share of the ground fades at its rim."""
 BEYOND: Final = 60.0
 """Distance [m] to which water goes on beyond the edge."""
-WATER_TILE: Final = 30.0
-"""Length [m] of water that its texture covers."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -52,18 +51,10 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
     fields.height = shape(fields)
-    wet = Wet(fields.height, None, [])
-    if description.water is not None:
-        fields.water = description.water.level
-    if description.puddles is not None:
-        wet = dig_puddles(fields, description.puddles, fields.height, rng_of(seed, "puddles"))
-        fields.height, fields.water = wet.heights, wet.level
+    sheets = lay_water(fields)
     builder = make_ground(fields, config)
     stand_objects(builder, config.objects)
-    if description.water is not None:
-        add_water(builder, description.water.level)
-    elif wet.sheets:
-        add_sheets(builder, wet)
+    add_water(builder, fields.water, sheets)
     place_objects(builder, fields, config)
     fields.crown = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))
@@ -99,6 +90,21 @@ def shape(fields: Fields) -> Array:
         fields.height = height
         height = height + fields.on(rule, fields.nodes, noise=f"relief.{name}")
     return height
+
+
+def lay_water(fields: Fields) -> list[tuple[Mesh, float]]:
+    """Set the level of the water, and dig its puddles; return its sheets with their heights [m]."""
+    description = fields.description
+    if description.puddles is not None:
+        assert fields.height is not None
+        wet = dig_puddles(fields, description.puddles, fields.height, rng_of(fields.seed, "puddles"))
+        fields.height, fields.water = wet.heights, wet.level
+        return wet.sheets
+    if description.water is None:
+        return []
+    fields.water = description.water.level
+    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
+    return [(make_flat_sheet("water", x, y), description.water.level)]
 
 
 def painted(fields: Fields, axes: Axes) -> dict[str, Array]:
@@ -153,18 +159,10 @@ def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
 
 def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
     """Share to which nodes are below crowns of trees and bushes."""
-    x, y = axes
-    clear, radii = np.ones((len(x), len(y))), {n: _crown(builder, mesh) for n, mesh in builder.meshes.items()}
-    for instance in builder.instances:
-        pose = instance.world_from_object
-        radius = radii[instance.mesh] * float(np.linalg.norm(pose[:3, 0]))
-        if radius > 0:
-            reach = radius + CANOPY
-            (ox, oy), (i, j) = pose[:2, 3], _within(axes, pose[:2, 3], reach)
-            away = np.hypot(x[i, None] - ox, y[j] - oy)
-            clear[i, j] *= np.clip((away - radius) / CANOPY, 0.0, 1.0)
-    spacing = float(x[1] - x[0])
-    return make_raster(gaussian_filter(1.0 - clear, 0.3 / spacing), spacing, x, y)
+    radii = {name: _crown(builder, mesh) for name, mesh in builder.meshes.items()}
+    poses = [(radii[each.mesh], each.world_from_object) for each in builder.instances if radii[each.mesh] > 0]
+    circles = [(*pose[:2, 3].tolist(), radius * float(np.linalg.norm(pose[:3, 0]))) for radius, pose in poses]
+    return make_raster(under_circles(circles, axes, CANOPY), float(axes[0][1] - axes[0][0]), *axes)
 
 
 def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
@@ -173,24 +171,6 @@ def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
     leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
     faces = mesh.faces[np.isin(mesh.material, leafy)]
     return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0
-
-
-def _within(axes: Axes, at: Array, reach: float) -> tuple[slice, slice]:
-    i, j = (slice(*np.searchsorted(axis, (c - reach, c + reach))) for axis, c in zip(axes, at, strict=True))
-    return i, j
-
-
-def add_water(builder: WorldBuilder, level: float) -> None:
-    """Add one flat sheet of water over the world and some way beyond; its edge is where the ground meets it."""
-    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in builder.size)
-    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((13, 13))], axis=-1).reshape(-1, 3)
-    a = (np.arange(12)[:, None] * 13 + np.arange(12)).ravel()
-    faces = np.stack([a, a + 13, a + 14, a, a + 14, a + 1], axis=-1).reshape(-1, 3)
-    up = np.tile([0, 0, 1], (len(vertices), 1))
-    sheet = make_mesh("water", vertices, up, vertices[:, :2] / WATER_TILE, faces, ("water",), footprint=0.0)
-    pose = np.eye(4)
-    pose[2, 3] = builder.water_level = level
-    builder.add("water", sheet, pose, [])
 
 
 def make_land_beyond(builder: WorldBuilder, fields: Fields) -> Mesh:

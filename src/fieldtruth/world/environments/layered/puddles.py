@@ -11,12 +11,10 @@ from fieldtruth.world.environments.layered.config import Puddles
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields
 from fieldtruth.world.grids import make_raster
-from fieldtruth.world.model import Mesh, Raster, make_mesh
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.relief import Axes
+from fieldtruth.world.water import DRY, make_sheet
 
-DRY: Final = -1e5
-"""Height [m] of the water on dry ground."""
 RISE: Final = 0.02
 """Height [m] of a puddle's rim above its water at least."""
 RIM: Final = 0.5
@@ -25,7 +23,6 @@ ROBOT: Final = 0.7
 """Distance [m] from a corridor's centre line that stays dry: half of a robot's width, and some."""
 TRIES: Final = 400
 _SIDES: Final = 48
-_TILE: Final = 3.0  # [m] of water that its texture covers
 
 
 class Puddle(NamedTuple):
@@ -107,16 +104,4 @@ def _sheet(name: str, puddle: Puddle, material: str) -> Mesh:
     vertices[1:, :2] = rim
     k = np.arange(_SIDES)
     faces = np.stack([np.zeros(_SIDES, int), 1 + k, 1 + (k + 1) % _SIDES], axis=1)
-    up = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    centre = np.array([puddle.x, puddle.y, 0.0])
-    uv = (vertices + centre)[:, :2] / _TILE
-    return make_mesh(name, vertices + centre, up, uv, faces, (material,), footprint=0.0)
-
-
-def add_sheets(builder: WorldBuilder, wet: Wet) -> None:
-    """Add the sheets of water as objects of kind "water", and their levels."""
-    builder.water_level = wet.level
-    for mesh, height in wet.sheets:
-        pose = np.eye(4)
-        pose[2, 3] = height
-        builder.add("water", mesh, pose, [])
+    return make_sheet(name, vertices + np.array([puddle.x, puddle.y, 0.0]), faces, material)

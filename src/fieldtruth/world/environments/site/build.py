@@ -25,19 +25,28 @@ from fieldtruth.world.environments.site.planting import plant_hedges, plant_herb
 from fieldtruth.world.environments.site.sources import Stem, read_features, read_stems
 from fieldtruth.world.environments.site.structures import build_structures, gates
 from fieldtruth.world.environments.site.surfaces import (
+    CANOPY,
     cover_ground,
     distances,
     grouped,
     land_use,
-    under_crowns,
     ways_of,
 )
-from fieldtruth.world.environments.site.water import add_sheets, lay_water
-from fieldtruth.world.grids import Line, fractal_noise, grid_axes, make_heightfield, make_raster, noise_map
+from fieldtruth.world.environments.site.water import lay_water
+from fieldtruth.world.grids import (
+    Line,
+    fractal_noise,
+    grid_axes,
+    make_heightfield,
+    make_raster,
+    noise_map,
+    under_circles,
+)
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
+from fieldtruth.world.water import add_water
 
 RELIEF: Final = 0.25
 """Standard deviation [m] of the ground's height without an elevation model."""
@@ -102,13 +111,13 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
         ways = ways_of(features, config)
         paths = distances(ways, features, nodes)
         waters = lay_water(features, ground.heights, nodes, config.size, paths.nearest)
-        shade = under_crowns(_crowns(stems), nodes, spacing := float(nodes[0][1] - nodes[0][0]))
+        shade, spacing = under_circles(_crowns(stems), nodes, CANOPY), float(nodes[0][1] - nodes[0][0])
         open_ground, floor = (config.roughness_of(each) for each in (_GROUNDS[config.surface], "forest_floor"))
         rough = [(open_ground, 1.0 - shade), (floor, shade)]
         heights = with_microrelief(waters.heights, nodes, fine, rough, micro, lowest=ground.lowest)
         field = make_heightfield(heights, config.grid, *fine)
     builder = WorldBuilder(field, config.size, grouped(way.trail for way in ways), corridors)
-    add_sheets(builder, waters)
+    add_water(builder, waters.level, waters.sheets)
     with progress.stage("build what people built"):
         build_structures(builder, features, growth)
         stand_objects(builder, config.objects, ground.origin)
@@ -132,10 +141,9 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
         )  # fmt: skip
 
 
-def _crowns(stems: Sequence[Stem]) -> Array:
-    """Circles (n, 3) of crowns: x, y and radius [m], a sixth of the height where it is not known."""
-    circles = [(s.x, s.y, s.height / 6.0 if np.isnan(s.crown) else s.crown) for s in stems]
-    return np.array(circles).reshape(-1, 3)
+def _crowns(stems: Sequence[Stem]) -> list[tuple[float, float, float]]:
+    """Circles of crowns: x, y and radius [m], a sixth of the height where it is not known."""
+    return [(s.x, s.y, s.height / 6.0 if np.isnan(s.crown) else s.crown) for s in stems]
 
 
 def _far(builder: WorldBuilder, config: Config, backdrop: Mesh, rng: np.random.Generator) -> list[FarSwarm]:

@@ -170,18 +170,6 @@ def grouped(trails: Iterable[Trail]) -> list[Trail]:
     return [Trail(Line.joined(lines) if len(lines) > 1 else lines[0], width) for width, lines in widths.items()]
 
 
-def under_crowns(stems: Array, nodes: Axes, spacing: float) -> Array:
-    """Share (nx, ny) to which nodes are below crowns of stems (n, 3): x, y and radius of the crown [m]."""
-    x, y = nodes
-    clear = np.ones((len(x), len(y)), np.float32)
-    for tx, ty, radius in stems.tolist():
-        reach = radius + CANOPY
-        i, j = (slice(*np.searchsorted(axis, (c - reach, c + reach))) for axis, c in ((x, tx), (y, ty)))
-        away = np.hypot(x[i, None] - tx, y[j] - ty)
-        clear[i, j] *= np.clip((away - radius) / CANOPY, 0.0, 1.0)
-    return gaussian_filter(1.0 - clear, 0.3 / spacing)
-
-
 def cover_ground(
     field: Heightfield,
     config: Config,

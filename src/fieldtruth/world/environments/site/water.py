@@ -15,17 +15,15 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter1d
 from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.maps.osm import Feature
 from fieldtruth.world.environments.site.sources import area_mask
 from fieldtruth.world.grids import make_raster
-from fieldtruth.world.model import Mesh, Raster, make_mesh
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.solids import signed_area
+from fieldtruth.world.water import DRY, make_sheet
 
-DRY: Final = -1e5
-"""Height [m] of the water on dry ground."""
 FREEBOARD: Final = 0.15
 """Height [m] of a lake's low shores above its water."""
 BED, DEEPEST = 0.35, 2.0
@@ -41,7 +39,6 @@ BERM: Final = 1.2
 _STEP: Final = 0.5  # [m] between points of a stream
 _UNDER: Final = 0.4  # [m] by which a sheet of water reaches into its bank
 _BEYOND: Final = 10.0  # [m] by which water goes on outside the world's edge, below the land there
-_TILE: Final = 30.0  # [m] of water that its texture covers
 _DITCHES: Final = ("ditch", "drain")
 
 
@@ -152,15 +149,6 @@ def lay_water(
     return Waters(cut, make_raster(level, bodies.spacing, *nodes) if wet else None, tuple(bodies.sheets))
 
 
-def add_sheets(builder: WorldBuilder, waters: Waters) -> None:
-    """Add the sheets of water as objects of kind "water", and their level."""
-    builder.water_level = waters.level
-    for mesh, level in waters.sheets:
-        pose = np.eye(4)
-        pose[2, 3] = level
-        builder.add("water", mesh, pose, [])
-
-
 def _resampled(line: Array) -> tuple[Array, Array]:
     """Points (n, 2) along a polyline, ``_STEP`` apart or less, and its unit tangents, smoothed at the corners."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -178,7 +166,7 @@ def _strip(name: str, points: Array, tangents: Array, level: Array, half: float)
     vertices = np.stack(rows, axis=1).reshape(-1, 3)
     k = 2 * np.arange(len(points) - 1)
     faces = np.stack([k, k + 2, k + 3, k, k + 3, k + 1], axis=-1).reshape(-1, 3)
-    return _water(name, vertices, faces)
+    return make_sheet(name, vertices, faces)
 
 
 def _sheet(name: str, lake: Feature, size: tuple[float, float]) -> Mesh:
@@ -194,9 +182,4 @@ def _sheet(name: str, lake: Feature, size: tuple[float, float]) -> Mesh:
     turned = [signed_area(each) < 0 for each in corners]
     corners[turned] = corners[turned, ::-1]
     points, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    return _water(name, np.column_stack([points, np.zeros(len(points))]), faces.reshape(-1, 3))
-
-
-def _water(name: str, vertices: Array, faces: Index) -> Mesh:
-    up = np.tile([0.0, 0.0, 1.0], (len(vertices), 1))
-    return make_mesh(name, vertices, up, vertices[:, :2] / _TILE, faces, ("water",), footprint=0.0)
+    return make_sheet(name, np.column_stack([points, np.zeros(len(points))]), faces.reshape(-1, 3))
