@@ -9,7 +9,7 @@ grow. The key ``plants`` of a layout names other species for a group.
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
@@ -95,15 +95,12 @@ class Planting:
     corridors: tuple[tuple[tuple[float, float], ...], ...] = ()
 
 
-LAYERED: Final = (
-    "description", "sources", "size", "season", "fields", "lines", "trails", "trail_width", "trail", "relief", "water",
-    "puddles", "ground", "objects", "plants", "seasonal", "litter_amount", "beyond",
-)  # fmt: skip
-"""Keys of the files of environments of layers, beside those of ``Planting``."""
+PLANTED: Final = tuple(each.name for each in fields(Planting))
+"""Keys of an environment's file that are those of a ``Planting``; files of layers have others, ``ground`` for one."""
 
 
 def _planting(name: str, content: Entry, path: Path) -> Planting:
-    own = {key: value for key, value in content.items() if key not in LAYERED} if "ground" in content else content
+    own = {key: value for key, value in content.items() if key in PLANTED} if "ground" in content else content
     planting = validated(Planting, own, str(path))
     for key, group in planting.groups.items():
         known = list(_LIBRARIES[group.form])  # names: no species is read
@@ -299,7 +296,7 @@ class GroundConfig(ClassesConfig):
         for name, by in self._counts().items():
             changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger(self.counted_in)))
         if lines := getattr(self, "trails", ()):
-            changes["trails"] = network(lines, self.size)
+            changes["trails"] = network(lines, self.size, self.counted_in)
         return self.model_copy(update={k: v for k, v in changes.items() if k not in self.model_fields_set})
 
     def _larger(self, than: tuple[float, float]) -> float:
@@ -327,12 +324,12 @@ def hills_spacing(size: tuple[float, float]) -> float:
     return max(HILLS, 0.1 * coarseness(size))
 
 
-def network(lines: Trails, size: tuple[float, float]) -> Trails:
-    """Trails of a world of a size [m]: ``lines`` of a built-in one, in a larger one continued by their mirror images.
+def network(lines: Trails, size: tuple[float, float], usual: tuple[float, float] = BUILT_IN) -> Trails:
+    """Trails of a world of a size [m]: ``lines`` of a ``usual`` one, in a larger one continued by their mirror images.
 
-    Each line is cut at the edge of the built-in world and reflected there, again and again, so that trails go on.
+    Each line is cut at the edge of the usual world and reflected there, again and again, so that trails go on.
     """
-    cell = np.array(BUILT_IN)
+    cell = np.array(usual)
     if (np.array(size) <= cell).all():
         return lines
     reach = [range(-k, k + 1) for k in np.ceil((np.array(size) / cell - 1.0) / 2.0).astype(int)]
@@ -340,6 +337,8 @@ def network(lines: Trails, size: tuple[float, float]) -> Trails:
     for corners in lines:
         points = Line.through(corners).points
         rows = np.flatnonzero((np.abs(points) <= cell / 2).all(axis=1))
+        if not len(rows):
+            continue
         piece = points[[*rows[:-20:40], rows[-1]]]
         for step in product(*reach):
             placed = piece * (-1.0) ** np.array(step) + cell * step

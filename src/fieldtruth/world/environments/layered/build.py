@@ -12,7 +12,8 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
-from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.fields import Fields, check_finite, rng_of
 from fieldtruth.world.environments.layered.placing import grown, place_objects, scatter_plants, specified
 from fieldtruth.world.environments.layered.puddles import dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
@@ -37,6 +38,7 @@ from fieldtruth.world.water import add_water, make_flat_sheet
 
 CANOPY: Final = 0.8
 """Distance [m] over which a crown's share of the ground fades at its rim."""
+TRAIL: Final = Expression("trail")
 BEYOND: Final = 60.0
 """Distance [m] to which water goes on beyond the edge."""
 
@@ -76,7 +78,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
 def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
     trails = make_trails(config.trails, config.trail_width) if description.trails else []
     lines = {
-        name: Line.joined([Line.through(corners) for corners in network(corners_of, config.size)])
+        name: Line.joined([Line.through(corners) for corners in network(corners_of, config.size, description.size)])
         for name, corners_of in description.lines.items()
     }
     nodes = grid_axes(config.size, hills_spacing(config.size))
@@ -97,7 +99,9 @@ def lay_water(fields: Fields) -> list[tuple[Mesh, float]]:
     description = fields.description
     if description.puddles is not None:
         assert fields.height is not None
-        wet = dig_puddles(fields, description.puddles, fields.height, rng_of(fields.seed, "puddles"))
+        larger = np.prod(fields.size) / np.prod(description.size)
+        puddles = description.puddles.model_copy(update={"count": round(description.puddles.count * float(larger))})
+        wet = dig_puddles(fields, puddles, fields.height, rng_of(fields.seed, "puddles"))
         fields.height, fields.water = wet.heights, wet.level
         return wet.sheets
     if description.water is None:
@@ -120,7 +124,7 @@ def painted(fields: Fields, axes: Axes) -> dict[str, Array]:
 def make_ground(fields: Fields, config: Any) -> WorldBuilder:
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
-    on_trail = np.clip(0.5 - _trail_distance(fields, fields.nodes) / 0.2, 0.0, 1.0)
+    on_trail = np.clip(0.5 - fields.on(TRAIL, fields.nodes) / 0.2, 0.0, 1.0)
     shares = {name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes).items()}
     for name, share in (*shares.items(), (fields.description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
@@ -134,13 +138,6 @@ def make_ground(fields: Fields, config: Any) -> WorldBuilder:
     return WorldBuilder(field, config.size, fields.trails, fields.corridors)
 
 
-def _trail_distance(fields: Fields, axes: Axes) -> Array:
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    distances = [trail.line.distance(nodes) - trail.width / 2 for trail in fields.trails]
-    nearest = np.min(distances, axis=0) if distances else np.full(len(nodes), 1e3)
-    return np.asarray(nearest.reshape(len(axes[0]), len(axes[1])))
-
-
 def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
     """Terrain with its materials; edges of trails are ragged."""
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
@@ -148,7 +145,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
     ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(_trail_distance(fields, axes) + 0.1 * ragged, cell, *axes),
+        trail_distance=make_raster(fields.on(TRAIL, axes) + 0.1 * ragged, cell, *axes),
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,
@@ -184,7 +181,9 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields) -> Mesh:
         names.append(roof.material)
 
     def land(x: Array, y: Array) -> Array:
-        return hills(x, y) + beyond.land.values({"x": x, "y": y}.__getitem__)
+        added = beyond.land.values({"x": x, "y": y}.__getitem__)
+        check_finite(beyond.land, np.broadcast_to(added, x.shape).ravel(), np.stack([x.ravel(), y.ravel()], axis=-1))
+        return hills(x, y) + added
 
     def cover(x: Array, y: Array, _slope: Array) -> Index:
         return (distance_beyond(size, x, y) > (roof.behind - 1.0 if roof else np.inf)).astype(np.intp)
@@ -197,7 +196,7 @@ def _swarms_beyond(builder: WorldBuilder, fields: Fields, config: Any, backdrop:
     swarms = []
     for name, layer in fields.description.beyond.swarms.items():
         rng = rng_of(fields.seed, f"beyond.{name}")
-        spec = specified(f"{name}_beyond", layer, grown(config, layer.group, rng), layer.per_m2)
+        spec = specified(name, layer, grown(fields, layer.group, config), layer.per_m2)
         within, margin = layer.within, layer.margin
         swarms.append(scatter_beyond(config.size, ground, spec, rng, within=within, margin=margin))
     return swarms

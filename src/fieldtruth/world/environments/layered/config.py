@@ -6,18 +6,19 @@ Later sections know the results of earlier ones: ground and objects the relief, 
 of the layers of objects and plants are keys of the layout, with their counts and densities.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Set
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, PlainValidator, TypeAdapter, ValidationError, create_model, model_validator
+from pydantic import Field, PlainValidator, ValidationError, create_model, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive, configuration_error
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layout import (
-    LAYERED,
+    PLANTED,
     PLANTINGS,
     Count,
     Density,
@@ -40,6 +41,7 @@ FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 corridor, and to the world's edge."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
+_NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
 LATE: Final = frozenset({"crown", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, 0 before there are any, and height [m] of
 the ground above the water, large where it is dry."""
@@ -84,7 +86,7 @@ class Objects(Frozen):
     tilt: Share = 0.0  # share of the slope by which they lean
     sink: Distance = 0.0  # [m]
     aligned: Boolean = False  # turned along their row or line; otherwise at random
-    room: Positive = 1.0  # share of the footprint's radius that is kept free: crowns below 1 reach into each other
+    footprint: Positive = 1.0  # share of the footprint's radius that is kept free: crowns reach into each other below 1
     stand: Boolean = False  # trees that find light between those that stand
 
     @model_validator(mode="after")
@@ -113,7 +115,19 @@ class Plants(Frozen):
     sink: Distance = 0.0
     clear: Distance = 0.0
     aside: Distance = 0.0
-    within: Distance = 80.0  # [m] beyond the edge
+
+
+class FarPlants(Frozen):
+    """A swarm of plants or stones on the land beyond the edge."""
+
+    group: str
+    kind: str
+    per_m2: Density = 1.0
+    scales: tuple[Positive, Positive] = (0.8, 1.25)
+    tint: Distance = 0.1
+    tilt: Share = 0.0
+    sink: Distance = 0.0
+    within: Distance = 80.0  # [m] from the edge
     margin: Distance = 1.5
 
 
@@ -140,7 +154,7 @@ class Beyond(Frozen):
     hills: Distance = 9.0  # [m] at the horizon
     land: Rule = Field(default=Expression("0"))  # height [m] that is added to them, of x and y
     canopy: Canopy | None = None
-    swarms: Mapping[str, Plants] = {}
+    swarms: Mapping[str, FarPlants] = {}
 
 
 class Water(Frozen):
@@ -190,6 +204,7 @@ class Description(Frozen):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")
         if self.water is not None and self.puddles is not None:
             raise ValueError("either water or puddles is allowed")
+        self._check_names()
         for key, layer in self.objects.items():
             _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
         early = FLAT | set(self.lines)
@@ -202,6 +217,20 @@ class Description(Frozen):
             _checked(key, rule, known, noise=False)
         _checked("beyond.land", self.beyond.land, {"x", "y"}, noise=False)
         return self
+
+    def _check_names(self) -> None:
+        """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
+        layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
+        fields, swarms = {*FLAT, *SHAPED, *LATE}, set[str]()
+        for section, names, taken in (
+            ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("objects", self.objects, layers), ("plants", self.plants, layers),
+            ("plants", self.plants, swarms), ("beyond.swarms", self.beyond.swarms, swarms),
+        ):  # fmt: skip
+            for name in names:
+                if name in taken or not _NAME.fullmatch(name) or hasattr(GroundConfig, name):
+                    raise ValueError(f"{section}.{name}: the name is taken, or not of letters, digits and _")
+                taken.add(name)
 
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
@@ -220,7 +249,8 @@ class Description(Frozen):
         if name in seen:
             raise ValueError(f"fields.{name}: follows from itself")
         names = self.fields[name].names if name in self.fields else set()
-        return bool(names & SHAPED) or any(self._is_shaped(each, seen | {name}) for each in names)
+        follows = [self._is_shaped(each, seen | {name}) for each in sorted(names)]  # all: each may follow from itself
+        return bool(names & SHAPED) or any(follows)
 
 
 def _checked(key: str, rule: Expression, known: Set[str], noise: bool) -> None:
@@ -242,9 +272,9 @@ def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: It
 
 def _described(name: str, content: Entry, path: Path) -> Description:
     """Read the layers of an environment's file; those of its plants are in ``layout.PLANTINGS``."""
-    layers = {key: value for key, value in content.items() if key in LAYERED}
+    layers = {key: value for key, value in content.items() if key not in PLANTED}
     try:
-        description = TypeAdapter(Description).validate_python(layers)
+        description = Description.model_validate(layers)
     except ValidationError as report:
         raise configuration_error(Description, report, str(path)) from report
     for season, species in description.seasonal.items():

@@ -8,7 +8,7 @@ where noise may be drawn, ``noise(wavelength, octaves, gain)`` with [m], see ``g
 """
 
 import ast
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from functools import reduce
 from typing import Any, Final
 
@@ -101,6 +101,8 @@ def _check(node: ast.AST) -> None:
                 raise ValueError(f"unknown function {name!r}; {suggestion(name, ['noise', *FUNCTIONS])}")
             if not least <= len(args) <= most:
                 raise ValueError(f"{name}() takes {least} to {most} values, got {len(args)}")
+            if name == "noise":
+                _check_noise(args)
             parts: list[ast.AST] = list(args)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             parts = [left, right]
@@ -114,6 +116,16 @@ def _check(node: ast.AST) -> None:
             raise ValueError(f"must be of numbers, fields, + - * / ** %, < > and functions, got {ast.unparse(node)!r}")
     for part in parts:
         _check(part)
+
+
+def _check_noise(args: Sequence[ast.expr]) -> None:
+    """Check the values of noise; raises ValueError."""
+    given: list[Any] = [each.value if isinstance(each, ast.Constant) else None for each in args]
+    wavelength, octaves, gain = given + [5.0, 3, 0.5][len(given) :]
+    fits = isinstance(wavelength, int | float) and wavelength >= 0.1 and isinstance(gain, int | float) and gain > 0
+    if not fits or octaves not in range(1, 9):
+        text = ", ".join(map(ast.unparse, args))
+        raise ValueError(f"noise() takes a wavelength from 0.1 m, 1 to 8 octaves and a gain above 0, got noise({text})")
 
 
 def _value(node: ast.AST, lookup: Lookup, noise: Noise | None) -> Any:
@@ -145,5 +157,5 @@ def _value(node: ast.AST, lookup: Lookup, noise: Noise | None) -> Any:
         case ast.Compare(left=left, ops=ops, comparators=others):
             sides = [value(left), *map(value, others)]
             found = [_COMPARED[type(op)](a, b) for op, a, b in zip(ops, sides, sides[1:], strict=False)]
-            return np.asarray(np.logical_and.reduce(found), np.float64)
+            return np.asarray(reduce(np.logical_and, found), np.float64)
     raise AssertionError(ast.dump(node))

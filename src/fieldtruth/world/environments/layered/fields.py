@@ -17,7 +17,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.config import Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Raster, water_at
+from fieldtruth.world.model import Mesh, Raster, water_at
 from fieldtruth.world.relief import Axes
 
 FAR = 1e3
@@ -46,6 +46,8 @@ class Fields:
     crown: Raster | None = None
     water: float | Raster | None = None
     """Height [m] of the water."""
+    meshes: dict[str, list[Mesh]] = field(default_factory=dict)
+    """Individuals of the groups that are grown."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
 
     def at(self, rule: Expression, xy: Array, *, noise: str = "") -> Array:
@@ -59,9 +61,7 @@ class Fields:
 
         draw = self._noise(noise) if noise else None
         values = np.broadcast_to(rule.values(lookup, draw), (len(xy),)).astype(np.float64)
-        if not np.isfinite(values).all():
-            x, y = xy[int(np.argmin(np.isfinite(values)))]
-            raise ConfigurationError(f"the rule {rule.text!r} must be finite, got none at x {x:.1f} m, y {y:.1f} m")
+        check_finite(rule, values, xy)
         return values
 
     def on(self, rule: Expression, axes: Axes, *, noise: str = "") -> Array:
@@ -114,6 +114,13 @@ class Fields:
         if values is None:
             raise AssertionError(f"{name} is asked for before it is known")
         return make_raster(values, float(self.nodes[0][1] - self.nodes[0][0]), *self.nodes)
+
+
+def check_finite(rule: Expression, values: Array, xy: Array) -> None:
+    """Check that the values (n,) of a rule at positions (n, 2) are numbers; raises ConfigurationError."""
+    if not np.isfinite(values).all():
+        x, y = xy[int(np.argmin(np.isfinite(values)))]
+        raise ConfigurationError(f"the rule {rule.text!r} must be finite, got none at x {x:.1f} m, y {y:.1f} m")
 
 
 def _least(distances: Sequence[Array], count: int) -> Array:

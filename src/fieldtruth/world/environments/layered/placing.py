@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Objects and plants of an environment's layers: at random positions, in rows, along lines, or as a stand of trees."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -11,7 +12,7 @@ from contourpy import contour_generator
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.config import Along, Objects, Plants, Rows
+from fieldtruth.world.environments.layered.config import Along, FarPlants, Objects, Plants, Rows
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layout import PLANTINGS
@@ -19,13 +20,23 @@ from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import make_furniture
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import ObjectGroup, SwarmSpec, WorldBuilder, random_tint, tilted, upright_pose
+from fieldtruth.world.placement import (
+    ObjectGroup,
+    SwarmForm,
+    SwarmSpec,
+    WorldBuilder,
+    random_tint,
+    tilted,
+    upright_pose,
+)
 from fieldtruth.world.stand import Stand
 
 TRIES: Final = 6000
 """Random positions of a layer in a world as large as the built-in ones."""
 _CORNER: Final = 4
 """Each of this number of a contour's corners, of which every cell of the grid has one, is a corner of its line."""
+APART: Final = 1e-6
+"""Distance [m] of a contour's corners, of which two are the same where it passes through a node of the grid."""
 _BESIDE: Final = 0.2
 """Distance [m] from a contour at which its larger side is looked up."""
 
@@ -41,15 +52,15 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         rng, amount = rng_of(fields.seed, f"objects.{name}"), getattr(config, name)
         if not amount:
             continue
-        meshes = grown(config, layer.group, rng) if layer.group else [make_furniture(n) for n in layer.furniture]
-        meshes = [replace(mesh, footprint=layer.room * mesh.footprint) for mesh in meshes]
+        meshes = grown(fields, layer.group, config) if layer.group else [make_furniture(n) for n in layer.furniture]
+        meshes = [replace(mesh, footprint=layer.footprint * mesh.footprint) for mesh in meshes]
         own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint")}
         group = ObjectGroup(kind=layer.kind or name, meshes=meshes, count=amount if layer.count else 0, **own)
         allowed = _chance(fields, layer, rng)
         if not layer.count:
             _place_all(builder, fields, layer, group, rng, amount)
         elif layer.group and PLANTINGS[config.environment].groups[layer.group].form == "log":
-            _lay_all(builder, group, rng, allowed)
+            _lay_all(builder, fields, layer, group, rng)
         elif layer.stand:
             stand = stand or Stand(builder)
             stand.plant(group, rng, allowed)
@@ -58,17 +69,18 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any) -> None:
             builder.place(group, rng, darts[allowed(darts)], pose=_pose(builder, layer))
 
 
-def grown(config: Any, group: str, rng: np.random.Generator) -> list[Mesh]:
-    """Grow the individuals of a group.
+def grown(fields: Fields, group: str, config: Any) -> list[Mesh]:
+    """Individuals of a group, which all layers share.
 
     Raises:
         ConfigurationError: a species cannot be as high as the file says.
     """
-    try:
-        meshes: list[Mesh] = config.planter.grow(group, rng)
-        return meshes
-    except ValueError as error:
-        raise ConfigurationError(f"environment {config.environment}: groups.{group}: {error}") from error
+    if group not in fields.meshes:
+        try:
+            fields.meshes[group] = config.planter.grow(group, rng_of(fields.seed, f"groups.{group}"))
+        except ValueError as error:
+            raise ConfigurationError(f"environment {config.environment}: groups.{group}: {error}") from error
+    return fields.meshes[group]
 
 
 def _chance(fields: Fields, layer: Objects | Plants, rng: np.random.Generator) -> Callable[[Array], Mask]:
@@ -95,10 +107,13 @@ def _pose(builder: WorldBuilder, layer: Objects) -> Callable[[Array, float, floa
 
 
 def _lay_all(
-    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask]
+    builder: WorldBuilder, fields: Fields, layer: Objects, group: ObjectGroup, rng: np.random.Generator
 ) -> None:
+    def lies(circles: Array) -> Mask:
+        return np.asarray(rng.random() < fields.at(layer.where, circles[:, :2]))  # one chance for the whole trunk
+
     for k in range(group.count):
-        lay_log(builder, group.mesh(k), rng, lambda circles: allowed(circles[:, :2]), kind=group.kind, tint=group.tint)
+        lay_log(builder, group.mesh(k), rng, lies, kind=group.kind, tint=group.tint)
 
 
 def _place_all(
@@ -164,6 +179,7 @@ def contours(fields: Fields, name: str, step: float) -> list[Line]:
     for level in np.arange(np.ceil(values.min() / step), np.floor(values.max() / step) + 1) * step:
         for corners in traced.lines(level):
             kept = np.asarray(corners)[np.unique([*range(0, len(corners), _CORNER), len(corners) - 1])]
+            kept = kept[np.append(True, np.hypot(*np.diff(kept, axis=0).T) > APART)]
             if len(kept) < 3:
                 continue
             line = Line.through(kept)
@@ -186,7 +202,7 @@ def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any) -> None:
         rng, amount = rng_of(fields.seed, f"plants.{name}"), getattr(config, name)
         if not amount:
             continue
-        meshes = grown(config, layer.group, rng)
+        meshes = grown(fields, layer.group, config)
         spec = specified(name, layer, meshes, amount)
         if layer.rows is None:
             builder.scatter_swarm(spec, rng, lambda xy, rule=layer.where: fields.at(rule, xy))  # type: ignore[misc]
@@ -196,7 +212,7 @@ def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any) -> None:
             builder.add_swarm_at(spec, candidates[kept], rng)
 
 
-def specified(name: str, layer: Plants, meshes: Sequence[Mesh], per_m2: float) -> SwarmSpec:
+def specified(name: str, layer: Plants | FarPlants, meshes: Sequence[Mesh], per_m2: float) -> SwarmSpec:
     """Specify the swarm of a layer."""
-    keys = ("kind", "scales", "tint", "tilt", "lean_deg", "sink", "clear", "aside")
+    keys = {each.name for each in dataclasses.fields(SwarmForm)} & type(layer).model_fields.keys() - {"per_m2"}
     return SwarmSpec(name=name, meshes=meshes, per_m2=per_m2, **{key: getattr(layer, key) for key in keys})
