@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout
 from fieldtruth.world.environments.layout import PLANTINGS, Planter
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
+from fieldtruth.world.plants.species import heights_of
 from fieldtruth.world.rocks import ROCK_TYPES
 
 LAYOUTS = {
@@ -105,3 +107,15 @@ def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:
     (tmp_path / "trees/rowan.yaml").rename(tmp_path / "trees/oak.yaml")
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert "the name 'oak' is already used by" in done.stderr
+
+
+@pytest.mark.parametrize("environment", PLANTINGS)
+def test_no_seed_draws_a_height_that_a_species_cannot_have(environment: str) -> None:
+    """The least and the greatest height of each group are allowed, so that all between them are."""
+    libraries: dict[str, Any] = {"tree": TREES, "snag": TREES, "bush": BUSHES, "tuft": GRASSES}
+    for name, group in PLANTINGS[environment].groups.items():
+        for species in group.species if group.form in libraries else ():
+            kind = libraries[group.form][species]
+            for height in np.ravel(group.value(species)) * (kind.grown.height if group.relative else 1.0):
+                low, high = heights_of(kind, height, group.grown_in)
+                assert low <= height <= high, (name, species)
