@@ -5,9 +5,11 @@
 import numpy as np
 import pytest
 
+from fieldtruth.maps.osm import Feature
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.environments.site.planting import HEIGHTS, plant_trees
 from fieldtruth.world.environments.site.sources import Stem
+from fieldtruth.world.environments.site.surfaces import ways_of
 from fieldtruth.world.model import Heightfield
 from fieldtruth.world.placement import WorldBuilder
 
@@ -27,3 +29,10 @@ def test_each_step_of_height_has_meshes_of_its_own() -> None:
         tops[round(float(pose[0, 3]))] = float((vertices @ pose[2, :3]).max())
     assert [tops[round(stem.x)] for stem in stems] == pytest.approx([stem.height for stem in stems], rel=1e-3)
     assert len({tree.mesh for tree in builder.instances}) == len(stems)
+
+
+@pytest.mark.parametrize(("kind", "width"), [("path", 3.0), ("path", None), ("track", 2.5), ("road", None)])
+def test_a_way_is_as_wide_as_the_map_says(kind: str, width: float | None) -> None:
+    line = Feature(kind, np.array([(-9.0, 0.0), (9.0, 0.0)]), False, {"highway": kind}, width)
+    (way,) = ways_of([line], CONFIG)
+    assert way.trail.width == (width or CONFIG.trail_width)
