@@ -73,7 +73,7 @@ CITY = '<osm version="0.6"><node id="1" version="1" lat="-33.45" lon="-70.65"/><
         ("elevation", "dem.tif", text("heights"), "not a raster that GDAL reads"),
         ("elevation", "gone.tif", None, "elevation.file: no such file"),
         ("elevation", "raw.laz", laser, "no point has the class 2, ground"),
-        ("elevation", "torn.laz", text("LASF"), "not a LAS or LAZ file"),
+        ("elevation", "torn.laz", text("LASF"), "not a whole LAS or LAZ file"),
         ("trees", "sea.csv", text("lon,lat,height_m\n-20.0,-40.0,12\n"), "none of its 1 trees is within the world"),
         ("trees", "giant.csv", text("lon,lat,height_m\n-70.65,-33.45,900\n"), "trees have at most 130 m"),
         ("trees", "raw.laz", laser, "no point has the class 2, ground"),

@@ -282,7 +282,7 @@ def _ground_points(path: Path, crs: str | None, origin: Origin, reach: float) ->
         with laspy.open(path) as reader:
             if (count := reader.header.point_count) > MOST_POINTS:
                 raise ConfigurationError(f"{path}: {count:,} points, more than {MOST_POINTS:,}; cut the file")
-            found = reader.header.parse_crs()
+            found = reader.header.parse_crs() if crs is None else None
             system = crs_of(path, crs, found.to_wkt() if found is not None else None)
             if not system.is_projected:
                 raise ConfigurationError(
@@ -294,8 +294,13 @@ def _ground_points(path: Path, crs: str | None, origin: Origin, reach: float) ->
                 grounds += len(ground)
                 xyz = np.stack([ground.x, ground.y, ground.z], axis=-1)
                 chunks.append(xyz[(np.abs(xyz[:, :2] - middle) <= reach).all(axis=1)])
-    except (laspy.errors.LaspyException, OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
+    except (
+        laspy.errors.LaspyException,
+        OSError,
+        ValueError,
+        RuntimeError,
+    ) as error:  # pyproj's and lazrs's are the last
+        raise ConfigurationError(f"{path}: not a whole LAS or LAZ file: {str(error).partition(chr(10))[0]}") from error
     if not grounds:
         raise ConfigurationError(
             f"{path}: no point has the class 2, ground; classify it first, with PDAL's filters.smrf for example"
