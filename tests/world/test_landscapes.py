@@ -11,6 +11,7 @@ from sense_worlds import without_textures
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.traversability import Blockage, Traversability
 from fieldtruth.world.build import build_world, layout_model, reserved_corridors
+from fieldtruth.world.environments import ENVIRONMENTS, PAPER
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import World
@@ -172,3 +173,8 @@ def test_no_classes_are_missing(scrub: World, boreal: World, meadow: World) -> N
     }
     assert {Label.ROCK, Label.BUSH, Label.TREETOP, Label.TRUNK, Label.HIGH_GRASS, Label.TRAIL} <= labels["scrub"]
     assert {Label.WATER, Label.HIGH_GRASS, Label.GROUND, Label.TRAIL} <= labels["meadow"] & labels["boreal"]
+
+
+@pytest.mark.parametrize("name", [name for name in ENVIRONMENTS if name not in PAPER])
+def test_the_list_of_environments_has_the_descriptions_of_their_files(name: str) -> None:
+    assert ENVIRONMENTS[name].description == DESCRIPTIONS[name].description

@@ -4,6 +4,7 @@
 
 import json
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from object_files import HEIGHT, RADIUS, SIDES, Y_UP, bales, barrel, entry, trimesh
+from PIL import Image
 from pydantic import ValidationError
 
 from fieldtruth.core.classes import NOT_OF_WORLDS, Label
@@ -19,7 +21,7 @@ from fieldtruth.sensors.lidar.sensing import Reflectance, reflectance_of
 from fieldtruth.world.model import Material, Mesh
 from fieldtruth.world.objects import files
 from fieldtruth.world.objects.config import ObjectConfig
-from fieldtruth.world.objects.files import with_named
+from fieldtruth.world.objects.files import read_file, with_named
 from fieldtruth.world.objects.make import OwnObject, make_object
 
 
@@ -204,6 +206,92 @@ def test_what_lies_outside_the_folder_is_refused(tmp_path: Path, uri: str) -> No
     assert f"names {uri!r}, which must be a file in its folder or below" in text
 
 
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"a.obj": "mtllib a.mtl\n", "a.mtl": "newmtl m\nmap_kd ../secret.png\n"},
+        {"a.obj": "mtllib a.mtl\n", "a.mtl": "newmtl m\n  MAP_KD\t../secret.png\n"},
+        {"a.obj": "mtllib\ta.mtl\n", "a.mtl": "newmtl m\nmap_Kd ../secret.png\n"},
+        {"a.obj": "mtllib \\\na.mtl\r\n", "a.mtl": "newmtl m\nmap_Kd ../secret.png\n"},
+        {"a.obj": "mtllib ../secret.png\n".encode("utf-16")},
+        {"a.ply": "ply\nformat ascii 1.0\ncomment my texturefile ../secret.png\nend_header\n"},
+        {"a.ply": "ply\nformat ascii 1.0\ncomment no_end_header\nobj_info TextureFile\t../secret.png\nend_header\n"},
+        {"a.gltf": '{"images": [{"uri": "data:/../../secret.png"}]}'},
+        {"a.gltf": '{"images": [{"uri": "%2E%2E/secret.png"}]}'},
+    ],
+)  # fmt: skip
+def test_what_lies_outside_the_folder_is_found_as_trimesh_finds_it(tmp_path: Path, files: dict[str, Any]) -> None:
+    Image.new("RGB", (2, 2)).save(tmp_path / "secret.png")
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert "secret.png', which must be a file in its folder or below" in refusal(folder / next(iter(files)))
+
+
+_SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n"
+
+
+def square(folder: Path, texture: str) -> Path:
+    """An OBJ file of a square with a texture."""
+    (folder / "a.obj").write_text("mtllib a.mtl\n" + _SQUARE)
+    (folder / "a.mtl").write_text(f"newmtl m\nmap_Kd {texture}\n")
+    return folder / "a.obj"
+
+
+@pytest.mark.filterwarnings("ignore:.*the mesh is open")
+def test_a_texture_of_obj_has_no_options(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "t.png")
+    text = refusal(square(tmp_path, "-s 1 1 1 t.png"))
+    assert "map_Kd must be the name of an image without options, got '-s 1 1 1 t.png'" in text
+    own = make_object(entry(square(tmp_path, "t.png"), collider="none"), "layout.objects[0]")
+    assert [image[0, 0].tolist() for image in own.textures.values()] == [[255, 0, 0]]
+
+
+@pytest.mark.filterwarnings("ignore:.*the mesh is open")
+@pytest.mark.parametrize("content", [b"no image", b"\x89PNG\r\n\x1a\n", b""])
+def test_a_damaged_texture_is_one_line(tmp_path: Path, content: bytes) -> None:
+    path = square(tmp_path, "t.png")
+    (tmp_path / "t.png").write_bytes(content)
+    assert "a.obj: 't.png', which it names, is no image; or choose a material of ours" in refusal(path)
+    assert make_object(entry(path, material="turf_dry", collider="none"), "layout.objects[0]").textures == {}
+
+
+def test_half_a_texture_and_one_that_is_too_large_are_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = square(tmp_path, "t.png")
+    rows = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
+    Image.fromarray(rows).save(tmp_path / "t.png")
+    whole = (tmp_path / "t.png").read_bytes()
+    (tmp_path / "t.png").write_bytes(whole[: len(whole) // 2])
+    assert "a.obj: the texture of m cannot be read" in refusal(path)
+    (tmp_path / "t.png").write_bytes(whole)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 1000)
+    assert "'t.png', which it names, is no image" in refusal(path)
+
+
+def test_a_file_is_scanned_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scanned: list[Path] = []
+    named = files._named
+
+    def seen(path: Path) -> Iterator[str]:
+        scanned.append(path)
+        yield from named(path)
+
+    monkeypatch.setattr(files, "_named", seen)
+    path = barrel(tmp_path / "barrel.glb")
+    made(entry(path))
+    assert scanned == [path]
+
+
+def test_a_name_with_a_percent_sign_is_a_name_but_in_gltf(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("mtllib a%20b.mtl\n" + _SQUARE)
+    for name in ("a%20b.mtl", "a b.mtl"):
+        (tmp_path / name).write_text("newmtl m\nKd 1 0 0\n")
+    assert [each.name for each in with_named(tmp_path / "a.obj")] == ["a.obj", "a%20b.mtl"]
+    (tmp_path / "a.gltf").write_text('{"buffers": [{"uri": "a%20b.mtl"}]}')
+    assert [each.name for each in with_named(tmp_path / "a.gltf")] == ["a.gltf", "a b.mtl"]
+
+
 def test_a_missing_texture_is_named(tmp_path: Path) -> None:
     barrel(tmp_path / "drum.obj")
     [image] = tmp_path.glob("*.png")
@@ -221,7 +309,12 @@ def test_a_missing_texture_is_named(tmp_path: Path) -> None:
         ("a.gltf", b'{"extensionsRequired": ["KHR_draco_mesh_compression"]}', "export it without compression"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
                   b"end_header\n1 2 3\n", "must have triangles, got none"),
-        ("a.stl", b"no mesh", "a.stl"),
+        ("a.gltf", b'{"buffers": {"uri": "a.bin"}}', "buffers is not a list of JSON objects"),
+        ("a.gltf", b'{"images": ["a.png"]}', "images is not a list of JSON objects"),
+        ("a.gltf", b'{"extensionsRequired": null}', "extensionsRequired is not a list of names"),
+        ("a.gltf", b"[" * 100_000, "cannot be read as glTF"),
+        ("a.stl", b"no mesh", "must have triangles, got none"),
+        ("a.ply", b"ply\nformat ascii 1.0\ncomment TextureFile \nelement face 0\nend_header\n", "must have triangles"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "must have a triangle with an area"),
     ],
 )  # fmt: skip
@@ -284,6 +377,37 @@ def test_usd_says_its_unit_and_axis(tmp_path: Path) -> None:
     assert volume(own.mesh) == pytest.approx(6.0, rel=1e-6)
     [material] = own.materials.values()
     assert material.tint == pytest.approx((0.2, 0.4, 0.1), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("", "must have triangles, got none"),
+        ("point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\nint[] faceVertexCounts = [3]", "got none"),
+        ("int[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, 2]", "got none"),
+        ("point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\nint[] faceVertexCounts = [3]\n"
+         "int[] faceVertexIndices = [0, 1, -1]", "got none"),
+    ],
+)  # fmt: skip
+def test_a_usd_mesh_without_triangles_is_left_out(tmp_path: Path, content: str, text: str) -> None:
+    pytest.importorskip("pxr.Usd")
+    (tmp_path / "a.usda").write_text(f'#usda 1.0\ndef Mesh "a" {{\n{content}\n}}\n')
+    assert text in refusal(tmp_path / "a.usda")
+
+
+@pytest.mark.parametrize(("interpolation", "u"), [("vertex", [0, 2, 1, 1, 2, 3]), ("faceVarying", [0, 1, 2, 3, 4, 5])])
+def test_uv_of_usd_go_by_their_interpolation(tmp_path: Path, interpolation: str, u: list[int]) -> None:
+    """Points 0, 2, 1 and 1, 2, 3 are the corners of two triangles; two points more make six, as many as corners."""
+    pytest.importorskip("pxr.Usd")
+    (tmp_path / "a.usda").write_text(
+        '#usda 1.0\ndef Mesh "a" {\npoint3f[] points = [(0,0,0),(1,0,0),(0,1,0),(1,1,0),(9,9,9),(9,9,9)]\n'
+        "int[] faceVertexCounts = [3, 3]\nint[] faceVertexIndices = [0, 2, 1, 1, 2, 3]\n"
+        "texCoord2f[] primvars:st = [(0,0),(1,0),(2,0),(3,0),(4,0),(5,0)] "
+        f'(interpolation = "{interpolation}")\n}}\n'
+    )
+    [part] = read_file(tmp_path / "a.usda").parts
+    assert part.uv is not None
+    assert part.uv[part.faces].reshape(-1, 2)[:, 0].tolist() == u
 
 
 def test_a_repair_of_a_broken_usd_file_is_one_line(tmp_path: Path) -> None:

@@ -35,8 +35,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
             front, the group of entry points.
         ending: of files, whose names without it are the names; empty for folders.
         read: makes an entry of its name and the file, or of what the entry point names.
-        builtin: those of the package, or the folder in which their files are.
-        last: says of a name in that folder if it follows the others.
+        builtin: those of the package, or the folders in which their files are.
     """
 
     def __init__(
@@ -45,14 +44,13 @@ class Registry(MutableMapping[str, T], Generic[T]):
         folder: str,
         ending: str,
         read: Callable[[str, Any], T],
-        builtin: Mapping[str, T] | Path,
-        last: Callable[[str], bool] = lambda _: False,
+        builtin: Mapping[str, T] | Path | tuple[Path, ...],
     ) -> None:
         self.kind = kind
         self._folder, self._ending, self._read = folder, ending, read
-        self._own = {} if isinstance(builtin, Path) else dict(builtin)
-        files = _entries(builtin, ending) if isinstance(builtin, Path) else {}
-        self._files = dict(sorted(files.items(), key=lambda item: last(item[0])))
+        folders = (builtin,) if isinstance(builtin, Path) else builtin if isinstance(builtin, tuple) else ()
+        self._own = {} if isinstance(builtin, Path | tuple) else dict(builtin)
+        self._files = {name: path for folder in folders for name, path in _entries(folder, ending).items()}
         self._made: dict[Source, T] = {}
 
     def __getitem__(self, name: str) -> T:

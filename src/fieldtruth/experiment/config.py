@@ -244,7 +244,7 @@ def origin_of(layout: Mapping[str, Any]) -> Origin:
     centre = layout.get(CENTRE)
     if centre is None:
         return PAPER_ORIGIN
-    pair = centre if isinstance(centre, list | tuple) and len(centre) == 2 else (None, None)
+    pair: Any = centre if isinstance(centre, list | tuple) and len(centre) == 2 else (None, None)
     are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in pair)
     if not are_numbers or not (abs(pair[0]) <= 85 and abs(pair[1]) <= 180):  # as a site's Config
         what = "[latitude, longitude], in degrees, from -85 to 85 and -180 to 180"

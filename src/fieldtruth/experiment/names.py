@@ -12,21 +12,22 @@ from typing import Final
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 
-LANDSCAPES: Final = ("boreal", "field_track", "orchard", "scrub", "thicket", "wet_meadow")
-"""Environments beside the four of the paper; their experiments follow the paper's eight."""
+_PAPER: Final = Path(__file__).parent / "builtin"
+_FURTHER: Final = _PAPER / "landscapes"
+"""Folder of the built-in experiments that are not the paper's."""
 EXPERIMENTS: Final[Registry[str]] = Registry(
     "experiment",
     "experiments",
     ".yaml",
     lambda _, given: read_text(Path(given)),
-    Path(__file__).parent / "builtin",
-    last=lambda name: name.rpartition("_")[0] in LANDSCAPES,
+    (_PAPER, _FURTHER),
 )
 
 
 def campaign_experiments(*, every: bool) -> list[str]:
     """Return the names of the paper's experiments and of added ones, or of every one."""
-    return [name for name in EXPERIMENTS if every or name.rpartition("_")[0] not in LANDSCAPES]
+    further = () if every else {path.stem for path in _FURTHER.glob("*.yaml")}
+    return [name for name in EXPERIMENTS if name not in further]
 
 
 def list_experiments() -> dict[str, str]:

@@ -12,6 +12,7 @@ contain them.
 import ast
 import re
 import sys
+from functools import cache
 from importlib.util import find_spec
 from inspect import cleandoc
 from pathlib import Path
@@ -53,13 +54,18 @@ def _first_line(text: str | None) -> str:
     return cleandoc(text or "").partition("\n")[0].rstrip(".")
 
 
+@cache
+def _has_layers(path: Path) -> bool:
+    return re.search(r"^ground:", read_text(path), re.MULTILINE) is not None
+
+
 class Environments(Registry[Environment]):
     """Environments by name; in a user's folders also files of layers, which have the section ``ground``."""
 
     def _added(self) -> dict[str, Source]:
         found = super()._added()
         for path in (path for base in user_folders() for path in sorted((base / "environments").glob("*.yaml"))):
-            if path.stem not in found and re.search(r"^ground:", path.read_text(encoding="utf-8"), re.MULTILINE):
+            if path.stem not in found and _has_layers(path):
                 if path.stem in self._own:
                     raise ConfigurationError(f"{path}: another environment has the name {path.stem!r} already")
                 found[path.stem] = path

@@ -3,13 +3,20 @@
 """What a file of meshes holds, whatever its format."""
 
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from fieldtruth.core.arrays import Array
+
+UNREADABLE: Final = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
+"""What Pillow raises on an image that is damaged, too large or of an unknown format."""
+
+
+class TextureError(Exception):
+    """An image of a file that cannot be read."""
 
 
 class Look(NamedTuple):
@@ -59,9 +66,14 @@ def pixels(image: Any, name: str, notes: list[str]) -> NDArray[np.uint8] | None:
     """Return the colours (h, w, 3) of an image, in which what is transparent is solid, for a triangle is either."""
     if image is None:
         return None
-    if not isinstance(image, Image.Image):
-        image = Image.open(BytesIO(image) if isinstance(image, bytes) else image)
-    rgba = np.asarray(image.convert("RGBA"))
+    try:
+        if not isinstance(image, Image.Image):
+            image = Image.open(BytesIO(image) if isinstance(image, bytes) else image)
+        rgba = np.asarray(image.convert("RGBA"))
+    except UNREADABLE as error:
+        raise TextureError(
+            f"the texture of {name or 'a material'} cannot be read; or choose a material of ours"
+        ) from error
     if rgba[..., 3].min() < 128:
         notes.append(f"transparent parts of the texture of {name or 'a material'} are solid")
     return np.ascontiguousarray(rgba[..., :3])

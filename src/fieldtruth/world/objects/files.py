@@ -8,7 +8,8 @@ the folder, is refused before anything is read.
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote
@@ -22,7 +23,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.kernels.textures import linear_from_srgb
 from fieldtruth.world.objects.config import FORMATS
-from fieldtruth.world.objects.content import FileContent, Look, Part, gloss_of, pixels, shares
+from fieldtruth.world.objects.content import UNREADABLE, FileContent, Look, Part, TextureError, gloss_of, pixels, shares
 from fieldtruth.world.objects.usd import named_files, read_usd
 
 MOST_BYTES: Final = 1 << 30
@@ -32,6 +33,7 @@ _MOSAIC: Final = ".vrt"
 MOST_TRIANGLES: Final = 2_000_000
 COLOURS: Final = 8
 """Colours to which those of vertices are reduced: a material has one."""
+_GLTF: Final = (".gltf", ".glb")
 _COMPRESSED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
 """Extensions of glTF that hide the data of a file."""
 
@@ -42,43 +44,49 @@ def with_named(path: Path) -> list[Path]:
     Raises:
         ConfigurationError: it is missing or too large, one of a mesh is not in its folder, or one of a mosaic missing.
     """
+    _check(path)
+    if path.suffix.lower() == _MOSAIC:
+        return [path, *_tiles(path)]
+    return [path, *(other for other in _others(path).values() if other.is_file())]
+
+
+def _check(path: Path) -> None:
     if not path.is_file():
         raise ConfigurationError(f"{path}: there is no such file")
     if path.suffix.lower() in (*FORMATS, _MOSAIC) and path.stat().st_size > MOST_BYTES:
         raise ConfigurationError(f"{path}: must have at most {MOST_BYTES >> 30} GiB")
-    if path.suffix.lower() == _MOSAIC:
-        return [path, *_tiles(path)]
-    others = [(path.parent / unquote(name)) for name in _inside(path)]
-    return [path, *(other for other in others if other.is_file())]
 
 
-def _inside(path: Path) -> Iterator[str]:
-    """Yield the files that a file names; raises ConfigurationError for one that is not in its folder or below."""
-    folder = path.parent.resolve()
-    for name in _named(path):
-        if "://" in name or not (folder / unquote(name)).resolve().is_relative_to(folder):
-            raise ConfigurationError(f"{path}: names {name!r}, which must be a file in its folder or below")
-        yield name
+def _others(path: Path) -> dict[str, Path]:
+    """Files that a file names, as it writes them; raises ConfigurationError for one not in its folder or below."""
+    folder, found = path.parent.resolve(), {}
+    for written in _named(path):
+        name = unquote(written) if path.suffix.lower() in _GLTF else written
+        if "://" in name or "\0" in name or not (folder / name).resolve().is_relative_to(folder):
+            raise ConfigurationError(f"{path}: names {written!r}, which must be a file in its folder or below")
+        found[written] = path.parent / name
+    return found
 
 
 def _named(path: Path) -> Iterator[str]:
-    """Yield the files that a file names, as it writes them."""
+    """Yield the files that a file names, as it writes them and as trimesh finds them."""
     match path.suffix.lower():
-        case ".gltf" | ".glb":
+        case ending if ending in _GLTF:
             document = _gltf(path)
             for entry in (*document.get("buffers", ()), *document.get("images", ())):
-                uri = str(entry.get("uri", "data:"))
-                if not uri.startswith("data:"):
+                uri = str(entry.get("uri", "base64,"))
+                if "base64," not in uri:
                     yield uri
         case ".obj":
-            for library in _values(path, "mtllib"):
+            text = _text(path).replace("\r\n", "\n").replace("\\\n", "")
+            library = text.partition("mtllib")[2].partition("\n")[0].strip()
+            if library:
                 yield library
                 if _is_below(path.parent, library):
-                    yield from _values(path.parent / library, "map_Kd")
+                    lines = _text(path.parent / library).splitlines()
+                    yield from _after("map_kd", (line for line in lines if line.lower().split()[:1] == ["map_kd"]))
         case ".ply":
-            with path.open("rb") as file:
-                header = file.read(1 << 16).partition(b"end_header")[0].decode("latin-1")
-            yield from (line.split(None, 2)[2].strip() for line in header.splitlines() if "TextureFile " in line)
+            yield from _after("texturefile", _header(path))
         case ".usd" | ".usda" | ".usdc" | ".usdz":
             yield from named_files(path)
 
@@ -103,28 +111,47 @@ def _is_below(folder: Path, name: str) -> bool:
     return other.is_relative_to(folder.resolve()) and other.is_file()
 
 
-def _values(path: Path, key: str) -> Iterator[str]:
-    """Yield what follows a key in the lines of an OBJ file or its library; options with their numbers are skipped."""
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
-            word, _, rest = line.strip().partition(" ")
-            if word == key and rest:
-                yield rest.split()[-1] if rest.startswith("-") else rest.strip()
+def _text(path: Path) -> str:
+    from trimesh.util import decode_text
+
+    try:
+        return str(decode_text(path.read_bytes()))
+    except (ImportError, LookupError) as error:  # it guesses what is no UTF-8
+        raise ConfigurationError(f"{path}: must be text in UTF-8") from error
+
+
+def _header(path: Path) -> Iterator[str]:
+    """Yield the lines of a PLY file's header."""
+    with path.open("rb") as file:
+        lines = (line.decode("utf-8", errors="replace") for line in file)
+        yield from takewhile(lambda line: "end_header" not in line.split(), lines)
+
+
+def _after(key: str, lines: Iterable[str]) -> Iterator[str]:
+    """Yield what follows a key, in small or large letters, in each line that has it."""
+    for line in lines:
+        name = line[line.lower().index(key) + len(key) :].strip() if key in line.lower() else ""
+        if name:
+            yield name
 
 
 def _gltf(path: Path) -> dict[str, Any]:
     """Read the document of a glTF file."""
-    data = path.read_bytes()
     try:
-        if path.suffix.lower() == ".glb":
-            magic, _, _, size, kind = struct.unpack_from("<4sIII4s", data)
-            if magic != b"glTF" or kind != b"JSON":
-                raise ValueError("it does not begin as a binary glTF file")
-            data = data[20 : 20 + size]
-        document = json.loads(data)
+        with path.open("rb") as file:
+            size = -1
+            if path.suffix.lower() == ".glb":
+                magic, _, _, size, kind = struct.unpack("<4sIII4s", file.read(20))
+                if magic != b"glTF" or kind != b"JSON":
+                    raise ValueError("it does not begin as a binary glTF file")
+            document = json.loads(file.read(size))
         if not isinstance(document, dict):
             raise ValueError("it is not a JSON object")
-    except (ValueError, struct.error) as error:
+        for key, kind in (("buffers", dict), ("images", dict), ("extensionsRequired", str)):
+            rows = document.get(key, [])
+            if not isinstance(rows, list) or not all(isinstance(row, kind) for row in rows):
+                raise ValueError(f"{key} is not a list of {'names' if kind is str else 'JSON objects'}")
+    except (ValueError, RecursionError, struct.error) as error:
         raise ConfigurationError(f"{path}: cannot be read as glTF: {error}") from error
     needs = [name for name in document.get("extensionsRequired", ()) if name in _COMPRESSED]
     if needs:
@@ -139,11 +166,14 @@ def read_file(path: Path, *, looks: bool = True) -> FileContent:
         ModuleNotFoundError: the library that reads it is not installed.
         ConfigurationError: a file that cannot be read, has no triangles or too many, or names one that is not allowed.
     """
-    with_named(path)
-    missing = next((name for name in _inside(path) if not (path.parent / unquote(name)).is_file()), None)
-    if missing is not None and looks:
-        raise ConfigurationError(f"{path}: {missing!r}, which it names, is missing; or choose a material of ours")
-    content = read_usd(path) if path.suffix.lower().startswith(".usd") else _read_trimesh(path)
+    _check(path)
+    others = _others(path)
+    if looks:
+        _check_looks(path, others)
+    try:
+        content = read_usd(path) if path.suffix.lower().startswith(".usd") else _read_trimesh(path, others)
+    except TextureError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
     count = sum(len(part.faces) for part in content.parts)
     if count == 0:
         raise ConfigurationError(f"{path}: must have triangles, got none")
@@ -152,11 +182,28 @@ def read_file(path: Path, *, looks: bool = True) -> FileContent:
     return content
 
 
-def _read_trimesh(path: Path) -> FileContent:
+def _check_looks(path: Path, others: Mapping[str, Path]) -> None:
+    """Refuse files that are missing, and images that cannot be read, of which trimesh says nothing."""
+    ours = "choose a material of ours"
+    for written, other in others.items():
+        if written.startswith("-") and path.suffix.lower() == ".obj" and not other.is_file():
+            raise ConfigurationError(f"{path}: map_Kd must be the name of an image without options, got {written!r}")
+        if not other.is_file():
+            raise ConfigurationError(f"{path}: {written!r}, which it names, is missing; or {ours}")
+        if other.suffix.lower() in Image.registered_extensions():
+            try:
+                with Image.open(other):
+                    pass
+            except UNREADABLE as error:
+                raise ConfigurationError(f"{path}: {written!r}, which it names, is no image; or {ours}") from error
+
+
+def _read_trimesh(path: Path, others: Mapping[str, Path]) -> FileContent:
     import trimesh
 
+    named = {written: other.read_bytes() for written, other in others.items() if other.is_file()}
     try:
-        scene = trimesh.load_scene(path, process=False)
+        scene = trimesh.load_scene(path, resolver=named, process=False)  # it reads no other files
     except Exception as error:  # whatever a reader raises on a damaged file
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise ConfigurationError(f"{path}: cannot be read as {path.suffix[1:].upper()}: {reason}") from error
@@ -171,7 +218,7 @@ def _read_trimesh(path: Path) -> FileContent:
             parts += _by_look(str(node), vertices, np.asarray(faces, np.int64), mesh.visual, notes)
         else:
             notes.append(f"{node} has no triangles and is left out")
-    up = "y" if path.suffix.lower() in (".glb", ".gltf", ".obj") else "z"
+    up = "y" if path.suffix.lower() in (*_GLTF, ".obj") else "z"
     return FileContent(parts, None, up, notes)
 
 

@@ -65,10 +65,11 @@ def _parts(prim: Any, local_to_world: Array, notes: list[str]) -> Iterator[Part]
     from pxr import UsdGeom, UsdShade
 
     mesh = UsdGeom.Mesh(prim)
-    points = np.array(mesh.GetPointsAttr().Get(), np.float64).reshape(-1, 3)
-    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(), np.int64)
-    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(), np.int64)
-    if not len(points) or not len(counts) or counts.sum() != len(corners) or corners.max(initial=0) >= len(points):
+    points = np.array(mesh.GetPointsAttr().Get() or (), np.float64).reshape(-1, 3)
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get() or (), np.int64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get() or (), np.int64)
+    bad = (corners < 0) | (corners >= len(points))
+    if not len(corners) or bad.any() or counts.min(initial=0) < 0 or counts.sum() != len(corners):
         notes.append(f"{prim.GetName()} has no triangles and is left out")
         return
     vertices = (points @ local_to_world[:3, :3] + local_to_world[3, :3])[corners]
@@ -78,11 +79,11 @@ def _parts(prim: Any, local_to_world: Array, notes: list[str]) -> Iterator[Part]
     primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
     flat = primvar.ComputeFlattened() if primvar else None
     uv = None if flat is None else np.array(flat, np.float64)
-    if uv is not None and len(uv) == len(points) != len(corners):
-        uv = uv[corners]
+    if uv is not None and primvar.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
+        uv = uv[corners] if len(uv) == len(points) else None
     uv = uv if uv is not None and len(uv) == len(corners) else None
     own = UsdShade.MaterialBindingAPI(prim)
-    subsets = [(np.array(each.GetIndicesAttr().Get(), np.int64), each) for each in own.GetMaterialBindSubsets()]
+    subsets = [(np.array(each.GetIndicesAttr().Get() or (), np.int64), each) for each in own.GetMaterialBindSubsets()]
     rest = ~np.isin(face, np.concatenate([rows for rows, _ in subsets])) if subsets else np.ones(len(face), np.bool_)
     groups = [(np.isin(face, rows), UsdShade.MaterialBindingAPI(each)) for rows, each in subsets]
     for chosen, binding in [(rest, own), *groups]:
