@@ -24,6 +24,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
+from fieldtruth.maps.units import METRES
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
@@ -135,13 +136,15 @@ def read_raster(
 
     try:
         with rasterio.open(path) as dataset:
+            if not dataset.count:
+                raise ConfigurationError(f"{path}: has no bands of its own; write the part with heights as a GeoTIFF")
             system = crs_of(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
             low, high = covered(path, dataset, system, origin, size)
             if (cells := np.prod(high - low)) > MOST_CELLS:
                 raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
             heights = dataset.read(1, window=window, masked=True).astype(np.float64)
-            transform, unit = dataset.window_transform(window), _metres(dataset.units[0])
+            transform, unit = dataset.window_transform(window), _metres(path, dataset.units[0])
     except RasterioError as error:
         raise ConfigurationError(f"{path}: not a raster that GDAL reads: {error}") from error
     missing = np.ma.getmaskarray(heights) | ~np.isfinite(heights.filled(np.nan))
@@ -187,11 +190,12 @@ def crs_of(path: Path, given: str | None, found: str | None) -> Any:
         raise ConfigurationError(f"{path}: unknown coordinate reference system {given or found!r}") from error
 
 
-def _metres(unit: str | None) -> float | None:
-    """Metres per unit of a band, None if it states none."""
-    return {"m": 1.0, "metre": 1.0, "ft": 0.3048, "foot": 0.3048, "us survey foot": 1200 / 3937}.get(
-        (unit or "").lower()
-    )
+def _metres(path: Path, unit: str | None) -> float | None:
+    """Metres per unit of a band, None if it states none; raises ConfigurationError for one that is no length."""
+    name = (unit or "").strip().lower()
+    if name and name not in METRES:
+        raise ConfigurationError(f"{path}: heights in {unit!r}, an unknown unit; set it: gdal_edit.py -units m")
+    return METRES.get(name)
 
 
 def _reference(crs: Any, reference: Reference | None, geoid_height: float | None) -> tuple[float, float, str]:
