@@ -78,10 +78,9 @@ def numbers(values: Sequence[Any]) -> tuple[Array, list[int]]:
         text = "" if value is None else str(value).replace("\N{NO-BREAK SPACE}", "").replace(" ", "")
         if text.lower() in ("", "na", "nan", "null", "none", "-"):
             continue
-        if "," in text:
-            text = text.replace(".", "").replace(",", ".")
-        elif text.count(".") > 1:
-            text = text.replace(".", "")
+        decimal, other = (".", ",") if text.rfind(".") > text.rfind(",") else (",", ".")  # the later of both
+        text = text.replace(other, "")
+        text = text.replace(decimal, "." if text.count(decimal) == 1 else "")
         try:
             found[k] = float(text)
         except ValueError:
