@@ -145,6 +145,20 @@ def test_an_unknown_unit_and_a_raster_without_bands_are_one_line(tmp_path: Path)
         read_raster(tmp_path / "a.gpkg", PLACE, (60.0, 60.0), crs=UTM)
 
 
+def test_of_fine_cells_the_mean_is_read_where_coarse_ones_do(tmp_path: Path) -> None:
+    def plane(heights: Any) -> Any:
+        rows, columns = np.mgrid[: len(heights), : len(heights)]
+        return 600.0 + 0.3 * rows - 0.2 * columns
+
+    path = written(tmp_path / "dem.tif", change=plane)
+    whole = read_raster(path, PLACE, (80.0, 60.0), reference="ellipsoid")
+    coarse = read_raster(path, PLACE, (80.0, 60.0), reference="ellipsoid", spacing=10.0)
+    assert coarse.heights.size < whole.heights.size / 50
+    assert coarse.resolution == pytest.approx(10.0, rel=0.2)
+    axes, origin = (np.linspace(-20.0, 20.0, 9), np.linspace(-15.0, 15.0, 7)), PLACE._replace(height=600.0)
+    assert np.abs(coarse.at(*axes, origin) - whole.at(*axes, origin)).max() < 0.2
+
+
 def test_what_is_no_raster_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "dem.tif").write_text("heights")
     with pytest.raises(ConfigurationError, match="not a raster that GDAL reads"):
