@@ -33,7 +33,7 @@ class OwnClass(Frozen):
     """A class that the package does not have."""
 
     id: Annotated[Integer, Field(ge=FIRST, le=LAST)] | None = None
-    """By default the next free one, in the order of the names."""
+    """By default the next free one, in the order of the layout."""
     colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
     """By default one that is far from those of all other classes."""
     label_maps: Mapping[str, str] = Field(
