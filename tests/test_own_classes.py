@@ -208,6 +208,10 @@ def test_the_bag_passes_its_checks(folder: Path, run: Run) -> None:
     by_name = allowed_by_name(("bench_1", "hay_bale_1"))
     assert by_name[:, ID].all()
     assert not by_name[0, Label.ROCK]
+    assert not allowed_by_name(("log_cabin_1",))[0, Label.BUILDING]
+    by_file = allowed_by_name(("log_cabin_1", "log_1"), {"log_cabin"})
+    assert by_file[0].all()
+    assert not by_file[1, Label.BUILDING]
 
 
 def test_a_bag_from_elsewhere_has_them_in_a_file_beside_it(run: Run, tmp_path: Path) -> None:
