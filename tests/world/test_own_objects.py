@@ -60,7 +60,7 @@ def test_layouts_that_share_an_object_have_their_own_classes(tmp_path: Path) -> 
     bale = entry(bales(tmp_path / "bales.stl"), label="hay_bale")
     one, other = (
         Config.model_validate({"objects": (bale,), "classes": {name: {} for name in names}})
-        for names in (("hay_bale",), ("pallet", "hay_bale"))
+        for names in (("hay_bale",), ("bale_net", "hay_bale"))
     )
     for label, layout in ((32, one), (33, other)):
         [material] = make_object(layout.objects[0], "", class_table(layout.classes)).materials.values()

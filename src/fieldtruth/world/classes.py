@@ -33,7 +33,7 @@ class OwnClass(Frozen):
     """A class that the package does not have."""
 
     id: Annotated[Integer, Field(ge=FIRST, le=LAST)] | None = None
-    """By default the next free one, in the order of the layout."""
+    """By default the next free one, in the order of the names."""
     colour: Annotated[tuple[_Byte, _Byte, _Byte], Field(description="[red, green, blue], each 0 to 255")] | None = None
     """By default one that is far from those of all other classes."""
     label_maps: Mapping[str, str] = Field(
@@ -63,6 +63,7 @@ def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> C
     Raises:
         LocatedError: a name, an id or a colour that another class has.
     """
+    own = dict(sorted(own.items(), key=lambda item: as_key(item[0])))  # digests of layouts are of sorted keys
     names = [as_key(name) for name in own]
     for name, key in zip(own, names, strict=True):
         if not _NAME.fullmatch(name):
