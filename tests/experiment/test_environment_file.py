@@ -14,6 +14,7 @@ from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import files_of, resolved
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.report.card import conditions_of
 
 SITE = {"centre": [-33.87, -70.65], "elevation": {"file": "maps/dem.tif"}, "objects": [{"file": "~/barrel.glb"}]}
@@ -64,6 +65,10 @@ def test_the_sun_is_that_of_the_site_unless_it_is_given(site: Path) -> None:
     elsewhere = Experiment.model_validate(given | {"light": {"latitude": 10.0}}).light
     assert (elsewhere.latitude, elsewhere.longitude) == (10.0, -70.65)
     assert Experiment.model_validate(given | {"light": "overcast"}).light.latitude == -33.87
+    made = Experiment.model_validate(given | {"light": LightConfig.model_validate(noon)})
+    assert made.light == light
+    there = Experiment.model_validate(given | {"light": LightConfig(latitude=10.0, longitude=20.0)}).light
+    assert (there.latitude, there.longitude) == (10.0, 20.0)
 
 
 def test_a_missing_route_is_a_random_one(site: Path) -> None:
@@ -120,7 +125,10 @@ def test_a_site_is_one_world_for_the_split_and_another_site_another(site: Path) 
         ("my site.yaml", "centre: [0, 0]", "rename the file"),
         ("a.yaml", "- 1", r"a\.yaml: must be a mapping"),
         ("a.yaml", None, r"cannot read .*a\.yaml: No such file"),
-        ("a.yaml", "centre: somewhere", r"centre must be \[latitude, longitude\], in degrees, got 'somewhere'"),
+        ("a.yaml", "centre: somewhere", r"layout\.centre must be \[latitude, .* got 'somewhere'"),
+        ("a.yaml", "centre: [-118.2, 34.1]", r"layout\.centre must be \[latitude, .* from -85 to 85 .* got \[-118"),
+        ("a.yaml", "centre: [.nan, 34.1]", r"layout\.centre must be \[latitude, .* got \[nan, 34"),
+        ("a.yaml", "centre: [true, 34.1]", r"layout\.centre must be \[latitude, .* got \[True, 34"),
     ],
 )
 def test_what_is_no_environment_is_one_line(tmp_path: Path, name: str, content: str | None, text: str) -> None:

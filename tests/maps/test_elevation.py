@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Elevation from rasters and laser points: heights at the data, no steps, voids, references, refusals."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -155,3 +156,15 @@ def test_ground_points_of_a_laser_scan_give_the_ground(tmp_path: Path, crs: str,
     assert np.abs(height - hills(east, north)).std() < 0.04
     with pytest.raises(ConfigurationError, match="no point has the class 2, ground"):
         read_ground_points(scanned(tmp_path / "raw.laz", classes=1), PLACE, (80.0, 60.0))
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[: len(data) * 2 // 3], lambda data: data.replace(b"PROJCRS", b"PROJ\nRS")]
+)
+def test_a_damaged_scan_is_one_line(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
+    path = scanned(tmp_path / "als.laz")
+    whole = path.read_bytes()
+    path.write_bytes(damaged := damage(whole))
+    assert damaged != whole
+    with pytest.raises(ConfigurationError, match=r"als\.laz: not a whole LAS or LAZ file: [^\n]+$"):
+        read_ground_points(path, PLACE, (80.0, 60.0))

@@ -22,6 +22,7 @@ from fieldtruth.core.readings import Fix
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.maps.elevation import read_raster
 from fieldtruth.validation.runner import validate
+from fieldtruth.world.objects.files import with_named
 
 rasterio = pytest.importorskip("rasterio")
 laspy = pytest.importorskip("laspy")
@@ -73,7 +74,7 @@ CITY = '<osm version="0.6"><node id="1" version="1" lat="-33.45" lon="-70.65"/><
         ("elevation", "dem.tif", text("heights"), "not a raster that GDAL reads"),
         ("elevation", "gone.tif", None, "elevation.file: no such file"),
         ("elevation", "raw.laz", laser, "no point has the class 2, ground"),
-        ("elevation", "torn.laz", text("LASF"), "not a LAS or LAZ file"),
+        ("elevation", "torn.laz", text("LASF"), "not a whole LAS or LAZ file"),
         ("trees", "sea.csv", text("lon,lat,height_m\n-20.0,-40.0,12\n"), "none of its 1 trees is within the world"),
         ("trees", "giant.csv", text("lon,lat,height_m\n-70.65,-33.45,900\n"), "trees have at most 130 m"),
         ("trees", "raw.laz", laser, "no point has the class 2, ground"),
@@ -230,6 +231,62 @@ def test_a_stored_world_is_that_of_the_bytes_of_every_file(monkeypatch: pytest.M
     fieldtruth.load_world(str(site))
     assert len(set(keys[:4])) == 4
     assert len(set(keys[3:])) == 1
+
+
+def test_a_stored_world_is_that_of_the_libraries_that_read_its_files(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    keys: list[str] = []
+    monkeypatch.setattr("fieldtruth.world.build.load_or_make", lambda path, *_: keys.append(path.name))
+    (tmp_path / "trees.csv").write_text("lon,lat\n")
+    given: dict[str, Any] = {"centre": CENTRE, "size": SIZE}
+    for layout in (given, given | {"trees": {"file": str(tmp_path / "trees.csv")}}):
+        for pyproj_version in ("3.6.0", "3.7.0"):
+            versions = {"pyproj": pyproj_version}
+            monkeypatch.setattr("fieldtruth.world.build.version", lambda name, known=versions: known.get(name, "1"))
+            fieldtruth.load_world("site", 0, layout)
+    assert keys[0] == keys[1]
+    assert keys[2] != keys[3]
+
+
+def mosaic(path: Path, tile: str) -> Path:
+    source = f'<SimpleSource><SourceFilename relativeToVRT="1">{tile}</SourceFilename><SourceBand>1</SourceBand>'
+    band = f'<VRTRasterBand dataType="Float32" band="1">{source}</SimpleSource></VRTRasterBand>'
+    size = "<SRS>EPSG:32719</SRS>" + f"<GeoTransform>{EAST - 50}, 1, 0, {NORTH + 50}, 0, -1</GeoTransform>"
+    path.write_text(f'<VRTDataset rasterXSize="100" rasterYSize="100">{size}{band}</VRTDataset>')
+    return path
+
+
+def test_a_stored_world_is_that_of_the_tiles_of_a_mosaic(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    keys: list[str] = []
+    monkeypatch.setattr("fieldtruth.world.build.load_or_make", lambda path, *_: keys.append(path.name))
+    (tmp_path / "tiles").mkdir()
+    tile = raster(tmp_path / "tiles" / "east.tif")
+    layout = {
+        "centre": CENTRE,
+        "size": SIZE,
+        "elevation": {"file": str(mosaic(tmp_path / "dem.vrt", "tiles/east.tif"))},
+    }
+    surface = read_raster(tmp_path / "dem.vrt", Origin(*CENTRE, 0.0), SIZE, reference="ellipsoid")
+    assert np.abs(surface.heights - 560.0).max() < 1e-6
+    fieldtruth.load_world("site", 0, layout)
+    with rasterio.open(tile, "r+") as dataset:
+        dataset.write(np.full((100, 100), 561.0, np.float32), 1)
+    fieldtruth.load_world("site", 0, layout)
+    assert keys[0] != keys[1]
+    for name in ("tiles/west.tif", "dem.vrt"):
+        mosaic(tmp_path / "dem.vrt", name)
+        with pytest.raises(ConfigurationError, match=rf"dem\.vrt: names '{name}', which must be a file, and no \.vrt"):
+            fieldtruth.load_world("site", 0, layout)
+
+
+def test_only_meshes_are_limited_in_size(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("fieldtruth.world.objects.files.MOST_BYTES", 1 << 10)
+    for name in ("photo.tif", "scan.laz", "trees.gpkg", "bench.glb"):
+        (tmp_path / name).write_bytes(bytes(2000))
+    assert [with_named(tmp_path / name) for name in ("photo.tif", "scan.laz", "trees.gpkg")]
+    with pytest.raises(ConfigurationError, match=r"bench\.glb: must have at most"):
+        with_named(tmp_path / "bench.glb")
 
 
 def test_the_command_says_what_was_read_filled_and_left_out(

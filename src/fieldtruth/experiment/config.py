@@ -183,11 +183,15 @@ class Experiment(Frozen):
             return given
         values, light = dict(given), given.get("light", {})
         if is_environment_file(given.get("environment")):
-            values["environment"], values["layout"] = _, layout = resolved(given["environment"], layout)
+            chosen = resolved(given["environment"], layout)
+            layout = chosen.layout
+            values |= {"environment": chosen.environment, "layout": layout}
             if all(given.get(key) is None for key in ("route", "drive", "frames")):
                 values["route"] = RANDOM_ROUTE
-        if CENTRE in layout and isinstance(light, Mapping | str):
+        if CENTRE in layout and isinstance(light, Mapping | str | LightConfig):
             latitude, longitude, _ = origin_of(layout)
+            if isinstance(light, LightConfig):
+                light = light.model_dump(exclude_unset=True)
             own = {"preset": light} if isinstance(light, str) else light
             values["light"] = {"latitude": latitude, "longitude": longitude, **own}
         return values
@@ -235,14 +239,16 @@ def origin_of(layout: Mapping[str, Any]) -> Origin:
     """Return the origin of the world of a layout: a site's centre, at height 0; else that of the paper.
 
     Raises:
-        ConfigurationError: the centre is no pair of numbers.
+        ConfigurationError: the centre is no pair of numbers, or no place.
     """
     centre = layout.get(CENTRE)
     if centre is None:
         return PAPER_ORIGIN
-    numbers = isinstance(centre, list | tuple) and [n for n in centre if isinstance(n, int | float)]
-    if not numbers or len(numbers) != 2 or len(centre) != 2:
-        raise ConfigurationError(f"layout.{CENTRE} must be [latitude, longitude], in degrees, got {centre!r:.60}")
+    pair: Any = centre if isinstance(centre, list | tuple) and len(centre) == 2 else (None, None)
+    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) for n in pair)
+    if not are_numbers or not (abs(pair[0]) <= 85 and abs(pair[1]) <= 180):  # as a site's Config
+        what = "[latitude, longitude], in degrees, from -85 to 85 and -180 to 180"
+        raise ConfigurationError(f"layout.{CENTRE} must be {what}, got {centre!r:.60}")
     return Origin(float(centre[0]), float(centre[1]), 0.0)
 
 

@@ -12,6 +12,7 @@ does. A world's x and y are in the plane that touches the ellipsoid at its origi
 depend on its height, by 1e-7 of it within a kilometre: two rounds find both.
 """
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -26,6 +27,8 @@ from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geod
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
+
+logging.getLogger("laspy").addHandler(logging.NullHandler())  # what it logs it raises as well
 
 MOST_CELLS: Final = 64_000_000
 """Cells of a raster that are read at most: the part that a world covers, not the whole file."""
@@ -282,7 +285,7 @@ def _ground_points(path: Path, crs: str | None, origin: Origin, reach: float) ->
         with laspy.open(path) as reader:
             if (count := reader.header.point_count) > MOST_POINTS:
                 raise ConfigurationError(f"{path}: {count:,} points, more than {MOST_POINTS:,}; cut the file")
-            found = reader.header.parse_crs()
+            found = reader.header.parse_crs() if crs is None else None
             system = crs_of(path, crs, found.to_wkt() if found is not None else None)
             if not system.is_projected:
                 raise ConfigurationError(
@@ -294,8 +297,10 @@ def _ground_points(path: Path, crs: str | None, origin: Origin, reach: float) ->
                 grounds += len(ground)
                 xyz = np.stack([ground.x, ground.y, ground.z], axis=-1)
                 chunks.append(xyz[(np.abs(xyz[:, :2] - middle) <= reach).all(axis=1)])
-    except (laspy.errors.LaspyException, OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: not a LAS or LAZ file: {error}") from error
+    except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError) as error:  # the last: lazrs and pyproj
+        raise ConfigurationError(
+            f"{path}: not a whole LAS or LAZ file: {str(error).partition(chr(10))[0]:.160}"
+        ) from error
     if not grounds:
         raise ConfigurationError(
             f"{path}: no point has the class 2, ground; classify it first, with PDAL's filters.smrf for example"

@@ -4,9 +4,10 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -45,6 +46,8 @@ _EXTRAS: Final = {
     "usd": ("pxr",),
 }
 """Libraries by the extra that installs them."""
+_READERS: Final = (*_EXTRAS["maps"], "lazrs", "trimesh", "usd-core", "pillow")
+"""Distributions that read the files of a layout, if they are installed."""
 _BASE: Final = 4e8
 """Memory [byte] for building a world, besides what grows with its terrain's nodes and with its area."""
 _PER_NODE: Final = 60
@@ -209,10 +212,16 @@ def load_world(
     folder = default_cache_folder() if cache_folder is None else cache_folder
     with needed_libraries():
         named = [each for _, path in files_of(layout) for each in with_named(path)]
-    inputs = dict(sorted(layout.items())), *file_digests(named)
+    inputs = dict(sorted(layout.items())), *file_digests(named), *(_reader_versions() if named else ())
     stem = f"{environment}-{seed}" + (f"_{cache_key((), *inputs)[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
     return load_or_make(path, read_world, lambda: build_world(environment, seed, layout, progress=progress), save_world)
+
+
+def _reader_versions() -> Iterator[str]:
+    for name in _READERS:
+        with suppress(PackageNotFoundError):
+            yield f"{name} {version(name)}"
 
 
 def world_key(environment: str) -> str:

@@ -13,6 +13,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,14 @@ from PIL import Image
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.kernels.textures import linear_from_srgb
+from fieldtruth.world.objects.config import FORMATS
 from fieldtruth.world.objects.content import UNREADABLE, FileContent, Look, Part, TextureError, gloss_of, pixels, shares
 from fieldtruth.world.objects.usd import named_files, read_usd
 
 MOST_BYTES: Final = 1 << 30
-"""Size [byte] of a file at most."""
+"""Size [byte] of a file of meshes at most; of rasters and laser points only a part is read."""
+_MOSAIC: Final = ".vrt"
+"""Ending of a raster of other rasters (GDAL)."""
 MOST_TRIANGLES: Final = 2_000_000
 COLOURS: Final = 8
 """Colours to which those of vertices are reduced: a material has one."""
@@ -35,19 +39,21 @@ _COMPRESSED: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "
 
 
 def with_named(path: Path) -> list[Path]:
-    """Return a file and, if it is one of meshes, all files that it names and that are there.
+    """Return a file and, if it is one of meshes or a mosaic of rasters, all files that it names and that are there.
 
     Raises:
-        ConfigurationError: it is missing or too large, or one is not in its folder.
+        ConfigurationError: it is missing or too large, one of a mesh is not in its folder, or one of a mosaic missing.
     """
     _check(path)
+    if path.suffix.lower() == _MOSAIC:
+        return [path, *_tiles(path)]
     return [path, *(other for other in _others(path).values() if other.is_file())]
 
 
 def _check(path: Path) -> None:
     if not path.is_file():
         raise ConfigurationError(f"{path}: there is no such file")
-    if path.stat().st_size > MOST_BYTES:
+    if path.suffix.lower() in (*FORMATS, _MOSAIC) and path.stat().st_size > MOST_BYTES:
         raise ConfigurationError(f"{path}: must have at most {MOST_BYTES >> 30} GiB")
 
 
@@ -83,6 +89,21 @@ def _named(path: Path) -> Iterator[str]:
             yield from _after("texturefile", _header(path))
         case ".usd" | ".usda" | ".usdc" | ".usdz":
             yield from named_files(path)
+
+
+def _tiles(path: Path) -> Iterator[Path]:
+    """Yield the rasters of a mosaic: all must be there and none a mosaic itself, so that a change of one is noticed."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise ConfigurationError(f"{path}: not a mosaic of rasters that GDAL reads: {error}") from error
+    for each in root.iter():
+        if each.tag in ("SourceFilename", "SourceDataset"):
+            name = (each.text or "").strip()
+            found = (path.parent if each.get("relativeToVRT") == "1" else Path()).absolute() / name
+            if not found.is_file() or found.suffix.lower() == _MOSAIC:
+                raise ConfigurationError(f"{path}: names {name!r}, which must be a file, and no {_MOSAIC}")
+            yield found
 
 
 def _is_below(folder: Path, name: str) -> bool:

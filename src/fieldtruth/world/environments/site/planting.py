@@ -72,22 +72,22 @@ def plant_trees(
         step = round(np.log(stem.height) / np.log(HEIGHTS))
         key = stem.species, step
         if key not in grown:
-            grown[key] = _individuals(stem.species, HEIGHTS**step, config.individuals, rng)
+            grown[key] = _individuals(stem.species, step, config.individuals, rng)
         choice = _best(grown[key], stem)
         choice = _widened(wide, choice, stem)
         pose = {"yaw": float(rng.uniform(0.0, 2.0 * np.pi)), "scale": stem.height / choice.height}
         builder.add_upright(stem.species, choice.mesh, (stem.x, stem.y), **pose, tint=random_tint(rng, 0.1))
 
 
-def _individuals(species: str, height: float, count: int, rng: np.random.Generator) -> list[_Individual]:
-    """Trees of a species and about a height [m], grown in the open and in a stand."""
-    kind, grown = TREES[species], []
+def _individuals(species: str, step: int, count: int, rng: np.random.Generator) -> list[_Individual]:
+    """Trees of a species and of about ``HEIGHTS**step`` [m], grown in the open and in a stand."""
+    kind, height, grown = TREES[species], HEIGHTS**step, []
     ways: tuple[GrownIn, ...] = ("open", "stand")
     for way in ways:
         low, high = heights_of(kind, height, way)
         own = min(max(height, low), high)
         for k in range(count):
-            name = f"{species}_{way}_{height:.0f}m_{k}"
+            name = f"{species}_{way}_{step}_{k}"
             detail = float(np.clip(3.0 / height, 0.14, 1.0))
             mesh = grow_tree(kind, name=name, height=own, rng=rng, detail=detail, grown_in=way)
             crown = float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), WITHIN))

@@ -83,7 +83,7 @@ def ways_of(features: Iterable[Feature], config: Config) -> list[Way]:
     for each in features:
         if each.kind in ("path", "track", "road") and not each.closed and len(each.geometry) > 1:
             corners = [(float(x), float(y)) for x, y in each.geometry]
-            width = config.trail_width if each.width is None or each.kind == "path" else each.width
+            width = config.trail_width if each.width is None else each.width
             line = Line.through(corners, smooth=each.kind != "road")
             ways.append(Way(Trail(line, width), material_of(each), each.kind == "track"))
     return ways

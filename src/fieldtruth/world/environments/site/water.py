@@ -170,13 +170,17 @@ def _strip(name: str, points: Array, tangents: Array, level: Array, half: float)
 
 
 def _sheet(name: str, lake: Feature, size: tuple[float, float]) -> Mesh:
-    """Sheet of water at height 0 over an area and a little of its banks; at the world's edge it goes on for a while."""
+    """Sheet of water at height 0 over an area and a little of its banks; where it reaches the edge it goes on there."""
     import shapely
 
     area = shapely.make_valid(shapely.Polygon(lake.geometry, lake.holes))
     world = shapely.box(-size[0] / 2, -size[1] / 2, size[0] / 2, size[1] / 2)
-    whole = area.buffer(_UNDER, quad_segs=2).intersection(world)
-    whole = shapely.union(whole, area.buffer(_BEYOND, quad_segs=2).difference(world)).simplify(0.05)
+    over = area.buffer(_UNDER, quad_segs=2)
+    whole = over.intersection(world)
+    if area.distance(world.exterior) < 0.01:
+        edge = shapely.line_merge(over.intersection(world.exterior))
+        whole = shapely.union(whole, edge.buffer(_BEYOND, cap_style="flat", join_style="mitre").difference(world))
+    whole = whole.simplify(0.05)
     triangles = [np.array(each.exterior.coords)[:3] for each in shapely.constrained_delaunay_triangles(whole).geoms]
     corners = np.array(triangles)
     turned = [signed_area(each) < 0 for each in corners]

@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of a site without its files: heights of trees, widths of ways, water at the edge of the world."""
+
+import numpy as np
+import pytest
+
+from fieldtruth.maps.osm import Feature
+from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.environments.site.planting import HEIGHTS, plant_trees
+from fieldtruth.world.environments.site.sources import Stem
+from fieldtruth.world.environments.site.surfaces import ways_of
+from fieldtruth.world.environments.site.water import lay_water
+from fieldtruth.world.model import Heightfield
+from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.solids import signed_area
+
+SIZE = (24.0, 16.0)
+CONFIG = Config(centre=(47.6, 11.3), size=SIZE, individuals=1)
+
+
+def test_each_step_of_height_has_meshes_of_its_own() -> None:
+    """So that a tree is as high as its map says: its pose has the scale of the mesh that was chosen for it."""
+    ground = Heightfield(heights=np.zeros((25, 17), np.float32), spacing=1.0, x0=-12.0, y0=-8.0)
+    builder = WorldBuilder(ground, SIZE, [], [])
+    stems = [Stem(4.0 * step - 14.0, 0.0, HEIGHTS**step, np.nan, "birch") for step in range(2, 6)]
+    plant_trees(builder, stems, CONFIG, np.random.default_rng(0), lambda _: None)
+    tops = {}
+    for tree in builder.instances:
+        pose, vertices = tree.world_from_object, builder.meshes[tree.mesh].vertices
+        tops[round(float(pose[0, 3]))] = float((vertices @ pose[2, :3]).max())
+    assert [tops[round(stem.x)] for stem in stems] == pytest.approx([stem.height for stem in stems], rel=1e-3)
+    assert len({tree.mesh for tree in builder.instances}) == len(stems)
+
+
+@pytest.mark.parametrize(("kind", "width"), [("path", 3.0), ("path", None), ("track", 2.5), ("road", None)])
+def test_a_way_is_as_wide_as_the_map_says(kind: str, width: float | None) -> None:
+    line = Feature(kind, np.array([(-9.0, 0.0), (9.0, 0.0)]), False, {"highway": kind}, width)
+    (way,) = ways_of([line], CONFIG)
+    assert way.trail.width == (width or CONFIG.trail_width)
+
+
+@pytest.mark.parametrize(
+    ("low", "east", "beyond"), [(-4.0, 8.0, 0.0), (-4.0, 12.0, 8.8 * 10.0), (-8.0, 12.0, (12.4 + 14.4 + 10.0) * 10.0)]
+)
+def test_water_goes_on_beyond_the_edge_only_where_it_reaches_it(low: float, east: float, beyond: float) -> None:
+    """Area of its sheet outside: none, a strip of 10 m beside one side, or round a corner; 0.4 m is below its bank."""
+    shore = np.array([(-2.0, low), (east, low), (east, 4.0), (-2.0, 4.0)])
+    nodes = np.linspace(-12.0, 12.0, 97), np.linspace(-8.0, 8.0, 65)
+    lake = Feature("water", shore, True, {"natural": "water"})
+    ((sheet, _),) = lay_water([lake], np.zeros((97, 65)), nodes, SIZE, np.full((97, 65), 1e3)).sheets
+    area = sum(abs(signed_area(corners)) for corners in sheet.vertices[sheet.faces][..., :2].astype(np.float64))
+    within = (min(east + 0.4, 12.0) + 2.4) * (4.4 - max(low - 0.4, -8.0))
+    assert area == pytest.approx(within + beyond, abs=0.3)
