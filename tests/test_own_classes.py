@@ -59,6 +59,7 @@ RIG = {
         },
     ]
 }  # fmt: skip
+MAPPED = ({"rellis": "bush"}, {"rellis": "bush", "rugd": "sign"}, {"rellis": "tree"})
 ROUTE = {"metres": {"start": [0, 0], "waypoints": [[3, 0]]}}
 
 
@@ -208,6 +209,10 @@ def test_the_bag_passes_its_checks(folder: Path, run: Run) -> None:
     by_name = allowed_by_name(("bench_1", "hay_bale_1"))
     assert by_name[:, ID].all()
     assert not by_name[0, Label.ROCK]
+    assert not allowed_by_name(("log_cabin_1",))[0, Label.BUILDING]
+    by_file = allowed_by_name(("log_cabin_1", "log_1"), {"log_cabin"})
+    assert by_file[0].all()
+    assert not by_file[1, Label.BUILDING]
 
 
 def test_a_bag_from_elsewhere_has_them_in_a_file_beside_it(run: Run, tmp_path: Path) -> None:
@@ -271,7 +276,7 @@ def test_shares_name_it() -> None:
 
 
 def test_ids_follow_the_names_and_colours_are_far_apart() -> None:
-    names = [f"class_{k}" for k in range(40)]
+    names = [f"class_{k:02}" for k in range(40)]
     table = with_own({"classes": {name: {} for name in names[:-1]} | {names[-1]: {"id": FIRST}}})
     assert [table[FIRST].name, *(row.name for row in table[FIRST + 1 :])] == [names[-1], *names[:-1]]
     assert table == with_own({"classes": {name: {} for name in names[:-1]} | {names[-1]: {"id": FIRST}}})
@@ -293,8 +298,24 @@ def test_buildings_and_fences_are_only_where_they_can_be() -> None:
     assert (len(of_park), [row.name for row in of_site[18:]]) == (18, ["building", "fence"])
     assert classes_of("park", {"objects": [{"file": "house.glb"}]}) == CLASSES
     assert of_park.joined(of_site) == CLASSES
-    with pytest.raises(ValueError, match=r"class 32 is a in one run, and class 32 is b in another"):
+    with pytest.raises(ValueError, match=r"32 is a with the .* in one run, and class 32 is b with the"):
         with_own({"classes": {"a": {}}}).joined(with_own({"classes": {"b": {}}}))
+    with pytest.raises(ValueError, match=r"32 is a with the colour \[1, 2, 3\] in .* is a with the colour \[1, 2, 4\]"):
+        with_own({"classes": {"a": {"colour": [1, 2, 3]}}}).joined(with_own({"classes": {"a": {"colour": [1, 2, 4]}}}))
+
+
+def test_a_class_is_one_class_of_another_ontology() -> None:
+    tables = [with_own({"classes": {"a": {"label_maps": each}}}) for each in MAPPED]
+    assert tables[0].joined(tables[1]).others == {32: {"rellis": "bush", "rugd": "sign"}}
+    with pytest.raises(ValueError, match=r"class 32, a, is bush of rellis in one run, and tree in another"):
+        tables[0].joined(tables[2])
+
+
+def test_ids_do_not_depend_on_the_order_of_a_mapping() -> None:
+    """In which digests do not differ either."""
+    tables = [with_own({"classes": {name: {} for name in names}}) for names in (("b", "a", "A c"), ("A c", "a", "b"))]
+    assert tables[0] == tables[1]
+    assert [row.name for row in tables[0] if row.label >= 32] == ["a", "A c", "b"]
 
 
 @pytest.mark.parametrize(

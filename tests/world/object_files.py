@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.grids import Line, Trail
@@ -80,7 +81,7 @@ def plain(
     grid: dict[str, float] = {"spacing": 0.25, "x0": -20.0, "y0": -10.0}
     heights = np.repeat(slope * np.maximum(x, 0.0)[:, None], 81, axis=1).astype(np.float32)
     builder = WorldBuilder(Heightfield(heights=heights, **grid), (40.0, 20.0), trails, corridors)
-    stand_objects(builder, objects, origin)
+    stand_objects(builder, objects, CLASSES, origin)
     if swarm is not None:
         builder.scatter_swarm(swarm, np.random.default_rng(3))
     nodes = np.stack(np.meshgrid(x, -10 + 0.25 * np.arange(81), indexing="ij"), axis=-1).reshape(-1, 2)

@@ -206,7 +206,7 @@ def labels_of(rows: NDArray[np.void], classes: ClassTable = CLASSES) -> NDArray[
     values = rows[field]
     known = [0, *(row.label for row in classes.coloured)]
     if (odd := values[~np.isin(values, known)]).size:
-        raise BagError(f"{field} of a point must be a class from 0 to {known[-1]}, got {odd[0]:g}")
+        raise BagError(f"{field} of a point must be a class, one of {', '.join(map(str, known))}, got {odd[0]:g}")
     return values.astype(np.uint8)
 
 

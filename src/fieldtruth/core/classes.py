@@ -97,16 +97,23 @@ class ClassTable(tuple[SemanticClass, ...]):
         """Return a table with the classes of both.
 
         Raises:
-            ValueError: an id, a name or a colour is of different classes.
+            ValueError: an id, a name or a colour is of different classes, or one class is different ones elsewhere.
         """
+        same = "runs of one data set must have the same classes"
         both = {*self.coloured, *other.coloured}
         for one, two in combinations(sorted(both), 2):
             if any(a == b for a, b in zip(one, two, strict=True)):
-                text = f"class {one.label} is {one.name} in one run, and class {two.label} is {two.name} in another"
-                raise ValueError(f"{text}: runs of one data set must have the same classes")
+                a, b = (f"class {row.label} is {row.name} with the colour {list(row.rgb or ())}" for row in (one, two))
+                raise ValueError(f"{a} in one run, and {b} in another: {same}")
+        others = {label: dict(maps) for label, maps in self.others.items()}
+        for label, maps in other.others.items():
+            mine = others.setdefault(label, {})
+            for name in (name for name in maps if mine.setdefault(name, maps[name]) != maps[name]):
+                text = f"class {label}, {other[label].name}, is {mine[name]} of {name} in one run, and {maps[name]}"
+                raise ValueError(f"{text} in another: {same}")
         rows = {row.label: row for row in both}
         void = [SemanticClass(label, "void", None) for label in range(max(rows) + 1)]
-        return ClassTable([rows.get(row.label, row) for row in void], {**self.others, **other.others})
+        return ClassTable([rows.get(row.label, row) for row in void], others)
 
     def without(self, *labels: int) -> "ClassTable":
         """Return the table without some classes; other ids stay."""

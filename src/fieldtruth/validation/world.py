@@ -3,7 +3,7 @@
 """The rebuilt world of a run, and which classes its objects can have."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import ROBOT_ID, WIDE_IDS, World
+from fieldtruth.world.objects.config import ObjectConfig
 
 NAMES: Final = Rule("objects have the names of the world's objects")
 # Worlds that are built on other processors differ in the last digit.
@@ -152,7 +153,8 @@ class ObjectClasses(Checker):
         """Return the comparison for a thread, with the objects that are known by now."""
         names, rebuilt = self._context.names, self._context.rebuilt
         if names != self._names:
-            own = allowed_by_name(names) if rebuilt is None else allowed_by_world(rebuilt.world)
+            files = set(self._own_objects())
+            own = allowed_by_name(names, files) if rebuilt is None else allowed_by_world(rebuilt.world)
             allowed = np.full((len(own) + 2, N_CLASSES), not names)
             allowed[: len(own)] = own
             allowed[:, [Label.SKY, *NOT_OF_WORLDS]] = False
@@ -162,6 +164,12 @@ class ObjectClasses(Checker):
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)
+
+    def _own_objects(self) -> Iterator[str]:
+        """Yield what the copies of objects from files are named by."""
+        experiment = self._context.run.experiment
+        for each in experiment.layout.get("objects", ()) if experiment else ():
+            yield ObjectConfig.model_validate(each).title
 
 
 def allowed_by_world(world: World) -> Mask:
@@ -180,10 +188,15 @@ def allowed_by_world(world: World) -> Mask:
     return allowed
 
 
-def allowed_by_name(names: tuple[str, ...]) -> Mask:
-    """(objects, classes) whether an object can have a class, by the last known word of its name; else all."""
+def allowed_by_name(names: tuple[str, ...], own: Collection[str] = ()) -> Mask:
+    """(objects, classes) whether an object can have a class, by the last known word of its name; else all.
+
+    ``own`` are the names, without number, of a user's objects, which say nothing of their class.
+    """
     allowed = np.ones((len(names), N_CLASSES), np.bool_)
     for row, name in enumerate(names):
+        if name.rpartition("_")[0] in own:
+            continue
         known = [_BY_WORD[word] for word in re.split(r"[_\W\d]+", name.lower()) if word in _BY_WORD]
         if re.search(r"lamp_?post", name.lower()):
             known = [(Label.LAMP_POST,)]

@@ -63,6 +63,7 @@ def class_table(own: Mapping[str, OwnClass], classes: ClassTable = CLASSES) -> C
     Raises:
         LocatedError: a name, an id or a colour that another class has.
     """
+    own = dict(sorted(own.items(), key=lambda item: as_key(item[0])))  # digests of layouts are of sorted keys
     names = [as_key(name) for name in own]
     for name, key in zip(own, names, strict=True):
         if not _NAME.fullmatch(name):

@@ -324,11 +324,16 @@ class WorldBuilder:
         circles: Iterable[tuple[float, float, float]],
         *,
         tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        named: str = "",
     ) -> Instance:
-        """Add a mesh at a pose (4, 4); it keeps ``circles`` (x, y, radius) [m] free of other objects."""
-        count = self._counts[kind] = self._counts.get(kind, 0) + 1
+        """Add a mesh at a pose (4, 4); it keeps ``circles`` (x, y, radius) [m] free of other objects.
+
+        Its name is ``named``, by default its kind, with a number.
+        """
+        named = named or kind
+        count = self._counts[named] = self._counts.get(named, 0) + 1
         instance = Instance(
-            name=f"{kind}_{count}",
+            name=f"{named}_{count}",
             kind=kind,
             mesh=mesh.name,
             object_id=GROUND_ID + 1 + len(self.instances),

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Integer, Number, Positive
-from fieldtruth.world.classes import ClassesConfig, class_table
+from fieldtruth.world.classes import ClassesConfig
 from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
@@ -254,13 +254,11 @@ class GroundConfig(ClassesConfig):
 
     @field_validator("objects")
     @classmethod
-    def _different_names(cls, objects: tuple[ObjectConfig, ...], info: ValidationInfo) -> tuple[ObjectConfig, ...]:
+    def _different_names(cls, objects: tuple[ObjectConfig, ...]) -> tuple[ObjectConfig, ...]:
         titles = [each.title for each in objects]
         for k, title in enumerate(titles):
             if title in titles[:k]:
                 raise ValueError(f"two have the name {title!r}; give one of them a name of its own")
-        for each in objects:
-            each.say_classes(class_table(info.data.get("classes", {})))
         return objects
 
     @field_validator("plants")

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, Number, Positive
 
 FORMATS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
@@ -94,17 +93,6 @@ class ObjectConfig(Frozen):
             raise LocatedError(f"is required, as that of the file has other characters: {self.path.stem!r}", ("name",))
         return self
 
-    _classes: ClassTable = PrivateAttr(CLASSES)
-
-    def say_classes(self, classes: ClassTable) -> None:
-        """Say which classes the layout has."""
-        self._classes = classes
-
-    @property
-    def classes(self) -> ClassTable:
-        """Classes of the layout."""
-        return self._classes
-
     @property
     def path(self) -> Path:
         """Path of the file."""
@@ -117,5 +105,5 @@ class ObjectConfig(Frozen):
 
     @property
     def mesh(self) -> str:
-        """Name of its mesh, which no environment gives to one of its own."""
+        """Name of its mesh, and its kind: no environment gives it to one of its own, nor a meaning."""
         return f"own_{self.title}"

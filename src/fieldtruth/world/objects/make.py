@@ -5,6 +5,7 @@
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Final, NamedTuple
 
@@ -14,7 +15,7 @@ from PIL import Image
 from scipy.spatial import ConvexHull, QhullError
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import ClassTable
+from fieldtruth.core.classes import CLASSES, ClassTable
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, suggestion
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Material, Mesh, label_of, make_mesh
@@ -53,7 +54,7 @@ class OwnObject(NamedTuple):
     """Circles (n, 3) of x, y and radius [m] that cover it, seen from above."""
 
 
-def make_object(config: ObjectConfig, where: str) -> OwnObject:
+def make_object(config: ObjectConfig, where: str, classes: ClassTable = CLASSES) -> OwnObject:
     """Read an object; ``where`` is its position in the layout, for messages. A repair is stated in a warning.
 
     Raises:
@@ -74,7 +75,7 @@ def make_object(config: ObjectConfig, where: str) -> OwnObject:
     notes += _notes(sound.turned, sound.open_edges, len(faces))
     if notes:
         warnings.warn(f"{where}: {'; '.join(notes)}", FieldtruthWarning, stacklevel=2)
-    own = [_material(config, part, where) for part in parts]
+    own = [_material(config, part, where, classes) for part in parts]
     rows, names, materials, textures = _distinct(config, own)
     plain = [config.material != "" or part.uv is None for part in parts]
     uv = np.concatenate([np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv for part in parts])
@@ -122,9 +123,11 @@ def _in_our_frame(content: FileContent, config: ObjectConfig, where: str) -> lis
 # Materials and textures
 
 
-def _material(config: ObjectConfig, part: Part, where: str) -> tuple[Material, NDArray[np.uint8] | None]:
+def _material(
+    config: ObjectConfig, part: Part, where: str, classes: ClassTable
+) -> tuple[Material, NDArray[np.uint8] | None]:
     """Material of a part, without its number, and its image if that is not one of ours."""
-    label = _label(config.label, part, where, config.classes)
+    label = _label(config.label, part, where, classes)
     if config.material:
         if config.material not in MATERIALS:
             raise ConfigurationError(f"{where}: unknown material {config.material!r}; "
@@ -145,9 +148,7 @@ def _named(
 
 def _label(given: str | Mapping[str, str], part: Part, where: str, classes: ClassTable) -> int:
     """Class of a part, by the name of its node or its material."""
-    if isinstance(given, str):
-        return label_of(given, part.name, "", where, classes)
-    for pattern, name in given.items():
+    for pattern, name in ({"*": given} if isinstance(given, str) else given).items():
         if fnmatchcase(part.name, pattern) or fnmatchcase(part.look.name, pattern):
             return label_of(name, part.name, "", where, classes)
     raise ConfigurationError(
@@ -183,13 +184,13 @@ def _distinct(
                 if name not in images or np.array_equal(images[name], image)
             )  # fmt: skip
             images[texture] = image
-            material = Material(**{**vars(material), "texture": texture})
+            material = replace(material, texture=texture)
         elif image is not None:
             images[_PLAIN] = image
         rows.append(number.setdefault(material, len(number)))
     names = [f"{config.title}_{material.name}_{k}" for material, k in number.items()]
     found = zip(names, number, strict=True)
-    return rows, names, {name: Material(**{**vars(m), "name": name}) for name, m in found}, images
+    return rows, names, {name: replace(m, name=name) for name, m in found}, images
 
 
 def _facing(vertices: Array, faces: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, world_from_geodetic
 from fieldtruth.world.model import Heightfield, Instance, Swarm, Terrain, water_at
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.objects.make import OwnObject, circles_of, make_object
 from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
-from fieldtruth.world.plants import TREES
 
 TRIES: Final = 100
 """Positions to try for each copy that is wanted."""
@@ -28,18 +28,18 @@ _BASE: Final = 0.1
 """Share of an object's height below which corners are near its base."""
 _BARE: Final = 0.75
 """Radius without plants of a swarm, relative to that of a circle around a square."""
-_TAKEN: Final = ("snag", "stump", "water", "bush")
-"""Kinds of objects to which environments give a meaning, beside the species of trees."""
 
 
-def stand_objects(builder: WorldBuilder, objects: Sequence[ObjectConfig], origin: Origin = PAPER_ORIGIN) -> None:
+def stand_objects(
+    builder: WorldBuilder, objects: Sequence[ObjectConfig], classes: ClassTable, origin: Origin = PAPER_ORIGIN
+) -> None:
     """Read all objects, and add those that have a place; all that is placed later keeps off them.
 
     Raises:
         ConfigurationError: a file that cannot be used, or a place outside the world.
     """
     for k, config in enumerate(objects):
-        own, where = make_object(config, f"layout.objects[{k}]"), f"layout.objects[{k}] ({config.title})"
+        own, where = make_object(config, f"layout.objects[{k}]", classes), f"layout.objects[{k}] ({config.title})"
         builder.meshes[own.mesh.name] = own.mesh
         builder.materials.update(own.materials)
         builder.textures.update(own.textures)
@@ -101,9 +101,8 @@ def _poses(config: ObjectConfig, origin: Origin) -> list[tuple[float, float, flo
 
 
 def _add(builder: WorldBuilder, config: ObjectConfig, own: OwnObject, pose: Array) -> Instance:
-    kind = f"own_{config.title}" if config.title in (*_TAKEN, *TREES) else config.title
     circles, before = [(x, y, r) for x, y, r in _placed(own, pose).tolist()], len(builder.solids)
-    instance = builder.add(kind, own.mesh, pose, circles)
+    instance = builder.add(config.mesh, own.mesh, pose, circles, named=config.title)
     builder.solids[before:] = [(x, y, _BARE * r) for x, y, r in circles]  # not those around long colliders
     return instance
 

@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, scatter_beyond
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.layout import HILLS, hills_spacing
 from fieldtruth.world.fallen import lay_log
@@ -385,7 +386,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
     trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
-    stand_objects(builder, config.objects)
+    stand_objects(builder, config.objects, class_table(config.classes))
     place_deadwood(builder, config, dead)
     plant_trees(builder, config, growth, trees)
     raise_roots(builder, roots)

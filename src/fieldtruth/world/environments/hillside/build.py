@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatter_beyond
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.grids import (
@@ -392,7 +393,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[8].spawn(2))
     ground, land = make_ground(config, corridors, (relief, cover, microrelief))
     builder = WorldBuilder(ground.field, config.size, (), corridors, corridor_width=2.6)
-    stand_objects(builder, config.objects)
+    stand_objects(builder, config.objects, class_table(config.classes))
     place_rocks(builder, ground, config, rocks)
     plant_trees(builder, ground, config, plants)
     plant_bushes(builder, ground, config, plants)

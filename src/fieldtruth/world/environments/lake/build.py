@@ -22,6 +22,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatter_beyond
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.furniture import make_furniture
@@ -501,7 +502,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
     shore = make_shore(config, corridors, shape, microrelief)
     builder = WorldBuilder(shore.field, config.size, (), corridors)
-    stand_objects(builder, config.objects)
+    stand_objects(builder, config.objects, class_table(config.classes))
     basin = basin_heights(config, land)
     backdrop = make_lake_backdrop(builder, basin, config.water_level, land)
     _add_water(builder, config.water_level)

@@ -11,6 +11,7 @@ from fieldtruth.core.arrays import Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, check_finite, rng_of
@@ -55,7 +56,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     fields.height = shape(fields)
     sheets = lay_water(fields)
     builder = make_ground(fields, config)
-    stand_objects(builder, config.objects)
+    stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
     place_objects(builder, fields, config)
     fields.crown = crowns(builder, fields.nodes)

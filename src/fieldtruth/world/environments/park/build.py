@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.assembly import assemble
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.park.beyond import make_surroundings
 from fieldtruth.world.environments.park.config import Config
@@ -456,7 +457,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config) -> World:
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
     trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
-    stand_objects(builder, config.objects)
+    stand_objects(builder, config.objects, class_table(config.classes))
     furnish(builder, config, furniture)
     plant_trees(builder, config, trees, plants)
     beds = lay_beds(builder, config, bushes)

@@ -18,6 +18,7 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.maps.elevation import OutsideError
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.environments.site.inputs import LASER, read_elevation
@@ -120,7 +121,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config, progress: Progre
     add_water(builder, waters.level, waters.sheets)
     with progress.stage("build what people built"):
         build_structures(builder, features, growth)
-        stand_objects(builder, config.objects, ground.origin)
+        stand_objects(builder, config.objects, class_table(config.classes), ground.origin)
     with progress.stage(f"plant {len(stems):,} trees", float(len(stems))) as advance:
         plant_trees(builder, stems, config, growth, advance)
     with progress.stage("plant bushes, grass and herbs"):
