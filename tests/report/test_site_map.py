@@ -2,18 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps of a site in a preview: each part is where the view from above shows it."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from report_worlds import plain
 
 from fieldtruth.core import transforms
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.lenses import Lens
+from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.maps.elevation import Elevation
 from fieldtruth.maps.osm import Feature, StreetMap
+from fieldtruth.maps.tags import kinds
 from fieldtruth.maps.trees import Tree
+from fieldtruth.report import site_map
 from fieldtruth.report.drawing.maps import HEIGHT, Aerial
+from fieldtruth.report.drawing.paper import Paper
+from fieldtruth.report.preview import _write_title, preview
 from fieldtruth.report.site_map import draw_inputs
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.environments.site.inputs import Inputs, MappedTrees
@@ -42,6 +51,36 @@ def at(image: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], x: float, y: floa
     """Colour at a position [m]; north is right, west is up."""
     middle = (image.shape[0] - 1) / 2
     return [int(value) for value in image[round(middle - SCALE * y), round(middle + SCALE * x)]]
+
+
+def test_colours_are_of_kinds_that_there_are() -> None:
+    assert set(site_map._AREAS) | set(site_map._LINES) <= set(kinds())
+
+
+def test_a_sheet_says_where_a_site_is_even_where_the_paper_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    texts: list[str] = []
+    paper = Paper(1.0, 1.0, 10)
+    monkeypatch.setattr(paper, "text", lambda x, y, text, *_, **__: texts.append(text))
+    world = plain(SIDE)
+    assert world.origin == PAPER_ORIGIN
+    for layout in ({}, {"centre": PAPER_ORIGIN[:2]}):
+        _write_title(paper, replace(world, layout=layout))
+    assert [text for text in texts if text.startswith("site about")] == [
+        f"site about {PAPER_ORIGIN.latitude:.6f}, {PAPER_ORIGIN.longitude:.6f} (latitude, longitude)"
+    ]
+
+
+def test_the_stages_of_building_a_site_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Any] = []
+
+    def load(*_: Any, progress: Progress | None = None) -> None:
+        given.append(progress)
+        raise ConfigurationError("enough")
+
+    monkeypatch.setattr("fieldtruth.report.preview.load_world", load)
+    with pytest.raises(ConfigurationError, match="enough"):
+        preview("park", progress=(shown := Silent()))
+    assert given == [shown]
 
 
 def test_each_part_of_the_maps_is_drawn_at_its_place() -> None:

@@ -147,10 +147,7 @@ def read_raster(
                 raise ConfigurationError(f"{path}: has no bands of its own; write the part with heights as a GeoTIFF")
             system = crs_of(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
             low, high = covered(path, dataset, system, origin, size)
-            blocks = np.maximum(1, spacing * (high - low - 2 * MARGIN) // size)  # of cells; rows are along x
-            shape = np.ceil((high - low) / blocks).astype(int)
-            if (cells := np.prod(shape)) > MOST_CELLS:
-                raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
+            shape = _shape(path, high - low, size, spacing)
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
             wanted = {"window": window, "out_shape": tuple(shape.tolist()), "resampling": Resampling.average}
             heights = dataset.read(1, masked=True, **wanted).astype(np.float64)
@@ -163,6 +160,15 @@ def read_raster(
     above, factor, note = _reference(system, reference, geoid_height)
     filled = _without_voids(path, heights.filled(0.0) * (unit or factor) + above, missing)
     return Elevation(path, system, filled, missing, transform, _resolution(system, transform, filled.shape), note)
+
+
+def _shape(path: Path, cells: Array, size: tuple[float, float], spacing: float) -> Array:
+    """Rows and columns that are read of those of a window: blocks of cells up to ``spacing`` [m] are one."""
+    blocks = np.maximum(1, spacing * (cells - 2 * MARGIN) // size)  # rows are along x
+    shape = np.ceil(cells / blocks).astype(int)
+    if (count := int(np.prod(shape))) > MOST_CELLS:
+        raise ConfigurationError(f"{path}: the world covers {count:,} cells; at most {MOST_CELLS:,} are read")
+    return shape
 
 
 def covered(

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import SemanticClass
-from fieldtruth.core.geodesy import PAPER_ORIGIN
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Image
 from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import metres_from_route
-from fieldtruth.experiment.environment_file import resolved
+from fieldtruth.experiment.environment_file import CENTRE, resolved
 from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.bake import bake
@@ -385,7 +384,7 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
 
 def _write_title(paper: Paper, world: World) -> None:
     place = f"site about {world.origin.latitude:.6f}, {world.origin.longitude:.6f} (latitude, longitude)"
-    known = list_environments() if world.origin == PAPER_ORIGIN else {world.name: place}
+    known = {world.name: place} if CENTRE in world.layout else list_environments()
     name, _, rest = known.get(world.name, "").partition(": ")
     paper.text(_EDGE - 0.02, 0.6, world.name.replace("_", " ").capitalize(), 25, weight="bold")
     paper.text(_EDGE, 0.88, f"{name}: {rest}" if rest else name, 9.2, color=MUTED)
@@ -488,7 +487,7 @@ def preview(
     progress = Silent() if progress is None else progress
     environment, layout = resolved(environment, layout)
     with progress.stage("build the world"):
-        world = load_world(environment, seed, layout)
+        world = load_world(environment, seed, layout, progress=progress)
     content = collect_content(world, aerial_width=width, workers=workers, progress=progress)
     if environment in FROM_FILES:
         from fieldtruth.report.site_map import draw_inputs

@@ -25,8 +25,8 @@ _AREAS: Final[Mapping[str, str]] = {
     "bare_rock": "#cfcac4", "scree": "#d9d4cd", "building": "#a9907e",
 }  # fmt: skip
 _LINES: Final[Mapping[str, str]] = {
-    "road": "#6b6b6b", "track": "#97744a", "path": "#b0603a", "stream": "#4a86b8", "river": "#4a86b8",
-    "ditch": "#4a86b8", "wall": "#555555", "fence": "#7d6b55", "hedge": "#4f8a46",
+    "road": "#6b6b6b", "track": "#97744a", "path": "#b0603a", "stream": "#4a86b8", "wall": "#555555",
+    "fence": "#7d6b55", "hedge": "#4f8a46",
 }  # fmt: skip
 """Colours by kind, after those of OpenStreetMap's own map; other kinds are grey."""
 _OTHER: Final = "#8a8a8a"
