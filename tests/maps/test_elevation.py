@@ -37,8 +37,9 @@ def written(path: Path, *, crs: str | None = UTM, cell: float = 1.0, side: int =
     back = pyproj.Transformer.from_crs(crs or UTM, UTM, always_xy=True)
     values = others.pop("change", lambda h: h)(hills(*back.transform(x, y)))
     profile = {"driver": "GTiff", "dtype": "float64", "count": 1, "height": side, "width": side, "transform": transform}
-    with rasterio.open(path, "w", crs=crs, **profile, **others) as dataset:
-        dataset.write(values, 1)
+    profile |= others
+    with rasterio.open(path, "w", crs=crs, **profile) as dataset:
+        dataset.write(values.astype(profile["dtype"]), 1)
     return path
 
 
@@ -119,6 +120,43 @@ def test_a_geoid_raises_the_heights(tmp_path: Path) -> None:
 def test_unusable_rasters_are_one_line(tmp_path: Path, changes: dict[str, Any], size: Any, text: str) -> None:
     with pytest.raises(ConfigurationError, match=text):
         read_raster(written(tmp_path / "dem.tif", **changes), PLACE, size)
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("feet", 0.3048), ("cm", 0.01), ("US survey foot", 1200 / 3937), ("Meter", 1.0)]
+)
+def test_heights_are_in_the_unit_of_the_band(tmp_path: Path, unit: str, metres: float) -> None:
+    path = written(tmp_path / "dem.tif", change=lambda h: h / metres)
+    with rasterio.open(path, "r+") as dataset:
+        dataset.units = [unit]
+    found = read_raster(path, PLACE, (60.0, 60.0))
+    assert np.abs(found.heights - read_raster(written(tmp_path / "m.tif"), PLACE, (60.0, 60.0)).heights).max() < 1e-9
+
+
+def test_an_unknown_unit_and_a_raster_without_bands_are_one_line(tmp_path: Path) -> None:
+    path = written(tmp_path / "dem.tif")
+    with rasterio.open(path, "r+") as dataset:
+        dataset.units = ["degC"]
+    with pytest.raises(ConfigurationError, match=r"dem\.tif: heights in 'degC', an unknown unit"):
+        read_raster(path, PLACE, (60.0, 60.0))
+    for part in ("heights", "slopes"):
+        written(tmp_path / "a.gpkg", driver="GPKG", dtype="float32", raster_table=part, append_subdataset="YES")
+    with pytest.raises(ConfigurationError, match=r"a\.gpkg: has no bands of its own"):
+        read_raster(tmp_path / "a.gpkg", PLACE, (60.0, 60.0), crs=UTM)
+
+
+def test_of_fine_cells_the_mean_is_read_where_coarse_ones_do(tmp_path: Path) -> None:
+    def plane(heights: Any) -> Any:
+        rows, columns = np.mgrid[: len(heights), : len(heights)]
+        return 600.0 + 0.3 * rows - 0.2 * columns
+
+    path = written(tmp_path / "dem.tif", change=plane)
+    whole = read_raster(path, PLACE, (80.0, 60.0), reference="ellipsoid")
+    coarse = read_raster(path, PLACE, (80.0, 60.0), reference="ellipsoid", spacing=10.0)
+    assert coarse.heights.size < whole.heights.size / 50
+    assert coarse.resolution == pytest.approx(10.0, rel=0.2)
+    axes, origin = (np.linspace(-20.0, 20.0, 9), np.linspace(-15.0, 15.0, 7)), PLACE._replace(height=600.0)
+    assert np.abs(coarse.at(*axes, origin) - whole.at(*axes, origin)).max() < 0.2
 
 
 def test_what_is_no_raster_is_one_line(tmp_path: Path) -> None:

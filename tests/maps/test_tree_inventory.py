@@ -16,6 +16,7 @@ pyproj = pytest.importorskip("pyproj")
 pyogrio = pytest.importorskip("pyogrio")
 shapely = pytest.importorskip("shapely")
 
+from fieldtruth.maps.columns import numbers  # noqa: E402
 from fieldtruth.maps.inventory import Inventory, read_inventory  # noqa: E402
 
 PLACE = Origin(47.6, 11.3, 600.0)
@@ -106,6 +107,41 @@ def test_columns_with_names_of_ones_own_and_a_world_of_ones_own(tmp_path: Path) 
         read_inventory(path, PLACE, SIZE, crs="world", columns={"height": "H"})
     with pytest.raises(UnknownNameError, match=r"a.csv: unknown quantity 'hight'; did you mean 'height'"):
         read_inventory(path, PLACE, SIZE, crs="world", columns={"hight": "H_m"})
+
+
+@pytest.mark.parametrize(
+    ("crs", "columns", "taken"),
+    [
+        (UTM, {}, "metres"),
+        ("world", {}, "world"),
+        (None, {}, "degrees"),
+        ("EPSG:4258", {}, "degrees"),
+        (UTM, {"east": "Ost", "north": "Nord"}, "metres"),
+        (UTM, {"longitude": "lon", "latitude": "lat"}, "degrees"),
+    ],
+)
+def test_of_two_pairs_of_columns_the_one_that_is_meant_counts(
+    tmp_path: Path, crs: str | None, columns: dict[str, str], taken: str
+) -> None:
+    """The other pair is 30 m away."""
+    away, path = XY + np.array((30.0, 0.0)), tmp_path / "a.csv"
+    degrees = coordinates(xy=XY if taken == "degrees" else away)
+    metres = {"degrees": coordinates(UTM, away), "metres": coordinates(UTM), "world": XY}[taken]
+    names = ("Ost", "Nord") if columns.get("east") else ("x", "y")
+    rows = [",".join(f"{value:.9f}" for value in row) for row in np.column_stack([degrees, metres])]
+    path.write_text("\n".join([f"lon,lat,{','.join(names)}", *rows]))
+    assert_at(read_inventory(path, PLACE, SIZE, crs=crs, columns=columns).trees)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("412,345.67", 412_345.67), ("412.345,67", 412_345.67), ("1,412,345.67", 1_412_345.67), ("3,5", 3.5),
+        ("1.412.345", 1_412_345.0), ("1,412,345", 1_412_345.0), ("3.5", 3.5), ("-1 412,5", -1412.5), ("12", 12.0),
+    ],
+)  # fmt: skip
+def test_the_later_sign_of_a_number_is_the_decimal_one(text: str, number: float) -> None:
+    assert numbers([text])[0] == [number]
 
 
 @pytest.mark.parametrize("name", ["a.gpkg", "a.geojson", "a.shp"])

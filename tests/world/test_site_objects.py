@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world
 from fieldtruth.drive.traversability import Blockage, Traversability, obstacle_outlines
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import build_world
-from fieldtruth.world.environments.site.water import DRY
+from fieldtruth.world.environments.site.build import land_beyond
+from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.model import Instance, Raster, World
+from fieldtruth.world.water import DRY
 
 rasterio = pytest.importorskip("rasterio")
 pyproj = pytest.importorskip("pyproj")
@@ -263,6 +266,17 @@ def raster(path: Path, values: Any, dtype: str, margin: float, crs: str = "EPSG:
     with rasterio.open(path, "w", crs=crs, transform=transform, **profile) as dataset:
         dataset.write(values)
     return path
+
+
+def test_only_a_raster_that_ends_is_left_out_of_the_land_beyond(tmp_path: Path) -> None:
+    path = raster(tmp_path / "dem.tif", np.full((1, 300, 300), 500.0), "float64", 60.0)
+    given = {"centre": PLACE[:2], "size": (32.0, 24.0), "elevation": {"file": str(path), "reference": "ellipsoid"}}
+    config = Config.model_validate(given)
+    land_beyond(config, PLACE, np.random.default_rng(0))
+    with rasterio.open(path, "r+") as dataset:
+        dataset.units = ["degC"]
+    with pytest.raises(ConfigurationError, match="an unknown unit"):
+        land_beyond(config, PLACE, np.random.default_rng(0))
 
 
 def test_land_cover_and_photograph_and_the_land_beyond_are_those_of_the_rasters(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.maps.units import METRES
 
 _NAMES: Final = {
     "longitude": "lon long longitude lng laenge laengengrad geograenge geolaenge",
@@ -32,11 +33,6 @@ _NAMES: Final = {
     "genus": "genus gattung gattungbot genre",
 }
 """Quantity: names of its columns, without accents, spaces and signs; earlier names are taken first."""
-_METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1} | {
-    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), 1.0),
-    **dict.fromkeys(("ft", "feet", "foot"), 0.3048),
-    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
-}
 
 
 def _plain(name: str) -> str:
@@ -50,8 +46,8 @@ def _plain(name: str) -> str:
 def split_unit(name: str) -> tuple[str, float | None]:
     """A column's plain name without its unit, and the metres of that unit."""
     words = _plain(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).split()
-    if len(words) > 1 and words[-1] in _METRES:
-        return "".join(words[:-1]), _METRES[words[-1]]
+    if len(words) > 1 and words[-1] in METRES:
+        return "".join(words[:-1]), METRES[words[-1]]
     return "".join(words), None
 
 
@@ -82,10 +78,9 @@ def numbers(values: Sequence[Any]) -> tuple[Array, list[int]]:
         text = "" if value is None else str(value).replace("\N{NO-BREAK SPACE}", "").replace(" ", "")
         if text.lower() in ("", "na", "nan", "null", "none", "-"):
             continue
-        if "," in text:
-            text = text.replace(".", "").replace(",", ".")
-        elif text.count(".") > 1:
-            text = text.replace(".", "")
+        decimal, other = (".", ",") if text.rfind(".") > text.rfind(",") else (",", ".")  # the later of both
+        text = text.replace(other, "")
+        text = text.replace(decimal, "." if text.count(decimal) == 1 else "")
         try:
             found[k] = float(text)
         except ValueError:

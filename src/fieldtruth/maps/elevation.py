@@ -24,6 +24,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, geodetic_from_world, world_from_geodetic
+from fieldtruth.maps.units import METRES
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
@@ -38,6 +39,10 @@ MARGIN: Final = 4
 _GROUND: Final = 2  # class of ground in LAS 1.1 and later (ASPRS)
 _LATTICE: Final = 16.0
 """Distance [m] between the positions that are converted; between them a spline is exact to a micrometre."""
+
+
+class OutsideError(ConfigurationError):
+    """A raster does not cover a world."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +92,7 @@ class Elevation:
         if not (
             np.isfinite(cells).all() and (cells >= -0.5).all() and (cells <= np.array(self.heights.shape) - 0.5).all()
         ):
-            raise ConfigurationError(
-                f"{self.source}: the data do not cover the world; make size smaller, or move its centre"
-            )
+            raise OutsideError(f"{self.source}: the data do not cover the world; make size smaller, or move its centre")
         return cells
 
     @staticmethod
@@ -115,6 +118,7 @@ def read_raster(
     crs: str | None = None,
     reference: Reference | None = None,
     geoid_height: float | None = None,
+    spacing: float = 0.0,
 ) -> Elevation:
     """Read the part of a raster of heights that a world covers.
 
@@ -125,23 +129,34 @@ def read_raster(
         crs: coordinate reference system, of a file that states none.
         reference: surface above which its heights are; None: as its coordinate reference system says, else the geoid.
         geoid_height: height [m] of the geoid above the ellipsoid there; None: 0, and the note says so.
+        spacing: distance [m] between heights that is fine enough: of smaller cells the mean of some is read.
 
     Raises:
-        ConfigurationError: no raster, no coordinate reference system, too many cells, or it does not cover the world.
+        OutsideError: it does not cover the world.
+        ConfigurationError: no raster, no coordinate reference system, or too many cells.
     """
     import rasterio
+    from rasterio import Affine
+    from rasterio.enums import Resampling
     from rasterio.errors import RasterioError
     from rasterio.windows import Window
 
     try:
         with rasterio.open(path) as dataset:
+            if not dataset.count:
+                raise ConfigurationError(f"{path}: has no bands of its own; write the part with heights as a GeoTIFF")
             system = crs_of(path, crs, dataset.crs.to_wkt() if dataset.crs else None)
             low, high = covered(path, dataset, system, origin, size)
-            if (cells := np.prod(high - low)) > MOST_CELLS:
+            blocks = np.maximum(1, spacing * (high - low - 2 * MARGIN) // size)  # of cells; rows are along x
+            shape = np.ceil((high - low) / blocks).astype(int)
+            if (cells := np.prod(shape)) > MOST_CELLS:
                 raise ConfigurationError(f"{path}: the world covers {cells:,} cells; at most {MOST_CELLS:,} are read")
             window = Window.from_slices(*zip(low.tolist(), high.tolist(), strict=True))
-            heights = dataset.read(1, window=window, masked=True).astype(np.float64)
-            transform, unit = dataset.window_transform(window), _metres(dataset.units[0])
+            wanted = {"window": window, "out_shape": tuple(shape.tolist()), "resampling": Resampling.average}
+            heights = dataset.read(1, masked=True, **wanted).astype(np.float64)
+            rows, columns = (high - low) / shape
+            transform = dataset.window_transform(window) @ Affine.scale(columns, rows)
+            unit = _metres(path, dataset.units[0])
     except RasterioError as error:
         raise ConfigurationError(f"{path}: not a raster that GDAL reads: {error}") from error
     missing = np.ma.getmaskarray(heights) | ~np.isfinite(heights.filled(np.nan))
@@ -164,7 +179,7 @@ def covered(
     cells, shape = np.stack([rows, columns], axis=-1), np.array(dataset.shape)
     if not np.isfinite(cells).all() or (cells < 0.0).any() or (cells > shape).any():
         world = f"{size[0]:g} m x {size[1]:g} m about {origin.latitude:.6f}, {origin.longitude:.6f}"
-        raise ConfigurationError(f"{path}: the raster does not cover the world of {world} (latitude, longitude)")
+        raise OutsideError(f"{path}: the raster does not cover the world of {world} (latitude, longitude)")
     if (block := int(np.prod(dataset.block_shapes[0]))) > MOST_CELLS:
         raise ConfigurationError(
             f"{path}: it unpacks {block:,} cells at once, at most {MOST_CELLS:,} are read; "
@@ -187,11 +202,12 @@ def crs_of(path: Path, given: str | None, found: str | None) -> Any:
         raise ConfigurationError(f"{path}: unknown coordinate reference system {given or found!r}") from error
 
 
-def _metres(unit: str | None) -> float | None:
-    """Metres per unit of a band, None if it states none."""
-    return {"m": 1.0, "metre": 1.0, "ft": 0.3048, "foot": 0.3048, "us survey foot": 1200 / 3937}.get(
-        (unit or "").lower()
-    )
+def _metres(path: Path, unit: str | None) -> float | None:
+    """Metres per unit of a band, None if it states none; raises ConfigurationError for one that is no length."""
+    name = (unit or "").strip().lower()
+    if name and name not in METRES:
+        raise ConfigurationError(f"{path}: heights in {unit!r}, an unknown unit; set it: gdal_edit.py -units m")
+    return METRES.get(name)
 
 
 def _reference(crs: Any, reference: Reference | None, geoid_height: float | None) -> tuple[float, float, str]:

@@ -17,6 +17,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin, world_from_geodetic
 from fieldtruth.maps.canopy import TALLEST
 from fieldtruth.maps.columns import found_columns, numbers, split_unit
+from fieldtruth.maps.elevation import crs_of
 from fieldtruth.maps.trees import Tree
 
 MOST_TREES: Final = 2_000_000
@@ -74,7 +75,8 @@ def read_inventory(
         origin: of the world frame.
         size: length and width [m] of the world along x and y.
         crs: coordinate reference system, of a file that states none; "world" for x and y [m] in the world frame.
-            Columns of longitude and latitude need none.
+            Columns of longitude and latitude need none; of a table that has east and north as well, those are taken
+            if ``columns`` names them, or if the system is not in degrees.
         columns: names of columns, such as {"height": "H_m"}, of quantities whose columns have no usual name.
 
     Raises:
@@ -85,10 +87,11 @@ def read_inventory(
     if path.stat().st_size > MOST_BYTES:
         raise ConfigurationError(f"{path}: larger than {MOST_BYTES / 1e9:g} GB; cut it to the world")
     read = _csv if path.suffix.lower() in (".csv", ".tsv", ".txt") else _layer
-    table, found = read(path, dict(columns or {}))
+    given = dict(columns or {})
+    table, found = read(path, given)
     if not table.rows:
         raise ConfigurationError(f"{path}: it contains no trees")
-    places, system = _places(path, table, found, crs)
+    places, system = _places(path, table, _pair_of(path, found, given, crs), crs)
     xy = _world(path, places, system, origin)
     with np.errstate(invalid="ignore"):
         inside = (np.abs(xy) <= np.array(size) / 2).all(axis=1)
@@ -170,17 +173,33 @@ def _few(path: Path, rows: int) -> None:
         raise ConfigurationError(f"{path}: more than {MOST_TREES:,} trees; cut it to the world")
 
 
+def _pair_of(path: Path, found: Mapping[str, str], given: Mapping[str, str], crs: str | None) -> Mapping[str, str]:
+    """The columns by quantity, without longitude and latitude where a table has east and north that are meant."""
+    degrees, metres = {"longitude", "latitude", "place"}, {"east", "north"}
+    if not metres <= found.keys() or degrees & given.keys():
+        return found
+    if not metres & given.keys() and (crs is None or _in_degrees(path, crs)):
+        return found
+    return {quantity: name for quantity, name in found.items() if quantity not in degrees}
+
+
+def _in_degrees(path: Path, crs: str) -> bool:
+    return crs != "world" and bool(crs_of(path, crs, None).is_geographic)
+
+
 def _places(path: Path, table: _Table, found: Mapping[str, str], crs: str | None) -> tuple[Array, str]:
     """Coordinates (n, 2), NaN where they are missing, and their coordinate reference system."""
     if table.places is not None:
         system = crs or table.crs
         places = table.places
     elif {"longitude", "latitude"} <= found.keys():
-        places, system = _pair(path, table, found["longitude"], found["latitude"]), crs or "EPSG:4326"
+        places = _pair(path, table, found["longitude"], found["latitude"])
+        system = crs if crs is not None and _in_degrees(path, crs) else "EPSG:4326"
     elif "place" in found:
         texts = [str(text or "").partition(",")[::2] for text in table.columns[found["place"]]]
         pair = table._replace(columns={"latitude": [a for a, _ in texts], "longitude": [b for _, b in texts]})
-        places, system = _pair(path, pair, "longitude", "latitude"), crs or "EPSG:4326"
+        places = _pair(path, pair, "longitude", "latitude")
+        system = crs if crs is not None and _in_degrees(path, crs) else "EPSG:4326"
     elif {"east", "north"} <= found.keys():
         places, system = _pair(path, table, found["east"], found["north"]), crs
     else:

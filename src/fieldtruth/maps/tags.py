@@ -5,9 +5,10 @@
 import re
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.maps.units import METRES
 
 Shape = Literal["point", "line", "area"]
 
@@ -76,12 +77,9 @@ def number(text: str | None) -> float | None:
     return float(text) if text and re.fullmatch(r"\d{1,3}(\.\d+)?", text) else None
 
 
-_UNITS: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "'": 0.3048, "in": 0.0254, '"': 0.0254}
-
-
 def metres(text: str | None) -> float | None:
     """Length [m] in a tag: metres, with a unit, or feet and inches as in 16'3"; None for other text, and for 0."""
     if feet := re.fullmatch(r"(\d{1,4})' ?(\d{1,2})\"", text or ""):
         return (int(feet[1]) * 12 + int(feet[2])) * 0.0254 or None
     found = re.fullmatch(r"(\d{1,5}(?:[.,]\d+)?) ?(m|cm|mm|km|ft|'|in|\")?", (text or "").strip())
-    return float(found[1].replace(",", ".")) * _UNITS[found[2] or "m"] or None if found else None
+    return float(found[1].replace(",", ".")) * METRES[found[2] or "m"] or None if found else None

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.maps.elevation import OutsideError
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.classes import class_table
@@ -83,9 +83,9 @@ def land_beyond(config: Config, origin: Origin, rng: np.random.Generator) -> Lan
         size = config.size[0] + 2 * reach, config.size[1] + 2 * reach
         x, y = (np.linspace(-s / 2, s / 2, int(s / _COARSE) + 2) for s in size)
         try:
-            surface = read_elevation(config.model_copy(update={"size": size}))
+            surface = read_elevation(config.model_copy(update={"size": size}), _COARSE)
             known = None if surface is None else surface.at(x, y, origin)
-        except ConfigurationError:  # it ends there
+        except OutsideError:  # it ends there
             continue
         if known is not None:
             hills, z = rolling_hills(size, rng), RectBivariateSpline(x, y, known, kx=1, ky=1)

@@ -4,6 +4,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -64,12 +65,12 @@ def read_inputs(config: Config) -> Inputs:
     return Inputs(elevation, trees, streets)
 
 
-def read_elevation(config: Config) -> Elevation | None:
-    """Read the ground; None without an elevation model."""
+def read_elevation(config: Config, spacing: float = 0.0) -> Elevation | None:
+    """Read the ground; None without an elevation model. Of a raster, heights ``spacing`` [m] apart may do."""
     file = config.elevation
     if file is None:
         return None
-    read = read_ground_points if file.path.suffix.lower() in LASER else read_raster
+    read = read_ground_points if file.path.suffix.lower() in LASER else partial(read_raster, spacing=spacing)
     return read(
         file.path,
         config.place,
