@@ -26,7 +26,7 @@ from fieldtruth.exporters.occupancy import Lattice, voxels_of
 from fieldtruth.interchange.inventory import COLUMNS, inventory
 from fieldtruth.ontology import label_map_of
 from fieldtruth.report.shares import ClassShares, shares_table
-from fieldtruth.validation.world import allowed_by_name
+from fieldtruth.validation.world import allowed_by_name, names_of_objects
 from fieldtruth.world.build import check_layout
 from fieldtruth.world.classes import CLASSES_FILE, FIRST, as_layout, classes_of, with_own
 
@@ -210,6 +210,8 @@ def test_the_bag_passes_its_checks(folder: Path, run: Run) -> None:
     assert by_name[:, ID].all()
     assert not by_name[0, Label.ROCK]
     assert not allowed_by_name(("log_cabin_1",))[0, Label.BUILDING]
+    cabin = {"file": "log_cabin.glb", "label": "building", "pose": [1, 2]}
+    assert [*names_of_objects({"objects": [cabin, {**cabin, "name": "hut"}, {"file": 3}]})] == ["log_cabin", "hut"]
     by_file = allowed_by_name(("log_cabin_1", "log_1"), {"log_cabin"})
     assert by_file[0].all()
     assert not by_file[1, Label.BUILDING]

@@ -12,7 +12,7 @@ from fieldtruth.campaign.files import load_campaign
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.environment_file import files_of, resolved
+from fieldtruth.experiment.environment_file import environment_of, files_of, resolved
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.report.card import conditions_of
@@ -38,6 +38,7 @@ def test_an_experiment_holds_what_the_file_says(site: Path) -> None:
     path = written(site.parent / "e.yaml", name="e", environment="quinta.yaml", layout=layout, route=route)
     experiment = load_experiment(path)
     assert (experiment.environment, experiment.world_name) == ("site", "quinta")
+    assert environment_of(experiment.world_name, experiment.layout) == "site"
     assert experiment.layout["elevation"] == {"file": str(site.parent / "maps/dem.tif")}
     assert experiment.layout["trees"] == {"file": str(site.parent / "own.csv")}
     assert experiment.layout["size"] == [30, 20]

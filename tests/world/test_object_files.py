@@ -323,6 +323,18 @@ def test_files_that_are_no_meshes(tmp_path: Path, name: str, content: bytes, tex
     assert text in refusal(tmp_path / name)
 
 
+@pytest.mark.parametrize("stray", ["nan nan nan", "1e7 0 0", "inf 0 0"])
+def test_vertices_without_a_triangle_do_not_count(tmp_path: Path, stray: str) -> None:
+    """A far one makes the distance below which vertices are one point larger than the box."""
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    rows = [f"v {stray}", *(f"v {x} {y} {z}" for x, y, z in box.vertices[:, [1, 2, 0]].tolist())]
+    rows += [f"f {a} {b} {c}" for a, b, c in (box.faces + 2).tolist()]
+    (tmp_path / "a.obj").write_text("\n".join(rows) + "\n")
+    own = made(entry(tmp_path / "a.obj"))
+    assert volume(own.mesh) == pytest.approx(6.0, rel=1e-6)
+    assert np.ptp(own.mesh.vertices, axis=0) == pytest.approx([1.0, 2.0, 3.0], abs=1e-6)
+
+
 def test_too_many_triangles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bales(tmp_path / "bales.stl")
     monkeypatch.setattr(files, "MOST_TRIANGLES", 71)

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Heightfield, Instance, Mesh
-from fieldtruth.world.placement import CrowdedWorldError, ObjectGroup, WorldBuilder, place_until_count, random_tint
+from fieldtruth.world.placement import (
+    CrowdedWorldError,
+    ObjectGroup,
+    WorldBuilder,
+    outside,
+    place_until_count,
+    random_tint,
+)
 
 F8 = NDArray[np.float64]
 
@@ -181,6 +188,15 @@ def test_spacing_eases_where_space_is_scarce() -> None:
         count += 1
     assert count > 8
     assert 2.0 <= nearest(count) < 4.0
+
+
+@pytest.mark.parametrize(("members", "circles"), [(300, 40), (300, 0), (0, 40), (0, 0)])
+def test_what_is_outside_of_circles(members: int, circles: int) -> None:
+    rng = np.random.default_rng(members + circles)
+    xy = rng.uniform(-10, 10, (members, 2))
+    discs = np.column_stack([rng.uniform(-10, 10, (circles, 2)), rng.uniform(0, 3, circles)])
+    gaps = np.linalg.norm(xy[:, None] - discs[:, :2], axis=2) - discs[:, 2]
+    np.testing.assert_array_equal(outside(xy, discs), (gaps > 0).all(axis=1))
 
 
 def test_distance_to_the_edge_of_a_trail() -> None:

@@ -35,6 +35,11 @@ def world_name(environment: str) -> str:
     return Path(environment).stem if is_environment_file(environment) else environment
 
 
+def environment_of(world_name: str, layout: Mapping[str, Any]) -> str:
+    """Return the environment whose layout this is, of a world of such a name; see ``world_name``."""
+    return SITE if CENTRE in layout else world_name
+
+
 class Chosen(NamedTuple):
     """An environment by its name, and changes to its layout."""
 

@@ -22,7 +22,7 @@ from fieldtruth.core.readings import Fix, Inertial, WheelSpeeds
 from fieldtruth.core.transforms import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import DriveConfig, Experiment, geodetic_route, metres_from_route
-from fieldtruth.experiment.environment_file import CENTRE, SITE
+from fieldtruth.experiment.environment_file import environment_of
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.names import EXPERIMENTS
@@ -151,7 +151,7 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
     wheels = [output for each in rig.in_order() for output in each.outputs() if output.reading is WheelSpeeds]
     return {
         "environment": world.name,
-        "base": SITE if CENTRE in world.layout else world.name,  # of which `layout` is a layout
+        "base": environment_of(world.name, world.layout),  # of which `layout` is a layout
         "version": fieldtruth.__version__,
         "experiments": list(configs),
         "start": next(iter(configs.values()))["start"],

@@ -3,11 +3,13 @@
 """The rebuilt world of a run, and which classes its objects can have."""
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.bag import topics as table
@@ -153,8 +155,9 @@ class ObjectClasses(Checker):
         """Return the comparison for a thread, with the objects that are known by now."""
         names, rebuilt = self._context.names, self._context.rebuilt
         if names != self._names:
-            files = set(self._own_objects())
-            own = allowed_by_name(names, files) if rebuilt is None else allowed_by_world(rebuilt.world)
+            experiment = self._context.run.experiment
+            files = names_of_objects(experiment.layout) if experiment else ()
+            own = allowed_by_name(names, {*files}) if rebuilt is None else allowed_by_world(rebuilt.world)
             allowed = np.full((len(own) + 2, N_CLASSES), not names)
             allowed[: len(own)] = own
             allowed[:, [Label.SKY, *NOT_OF_WORLDS]] = False
@@ -165,10 +168,11 @@ class ObjectClasses(Checker):
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)
 
-    def _own_objects(self) -> Iterator[str]:
-        """Yield what the copies of objects from files are named by."""
-        experiment = self._context.run.experiment
-        for each in experiment.layout.get("objects", ()) if experiment else ():
+
+def names_of_objects(layout: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the names, without number, of the objects from files of a layout, which may not be valid."""
+    for each in layout.get("objects") or ():
+        with suppress(ValidationError):
             yield ObjectConfig.model_validate(each).title
 
 

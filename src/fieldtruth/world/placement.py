@@ -65,6 +65,15 @@ def upright_poses(xy: Array, yaw: Array, scale: Array) -> Array:
     return poses
 
 
+def outside(xy: Array, circles: Array) -> Mask:
+    """Mask of the positions (n, 2) that are in none of some circles (m, 3) of x, y and radius [m]."""
+    off = np.ones(len(xy), np.bool_)
+    if len(xy) and len(circles):
+        inside = cKDTree(xy).query_ball_point(circles[:, :2], circles[:, 2])
+        off[np.concatenate([np.asarray(rows, np.intp) for rows in inside])] = False
+    return off
+
+
 def rotations_to(up: Array) -> Array:
     """Smallest rotations (n, 3, 3) that take z to directions ``up`` (n, 3), which need not be of unit length.
 
@@ -480,12 +489,7 @@ class WorldBuilder:
 
     def off_solids(self, xy: Array, clear: float) -> Mask:
         """Mask of the positions (n, 2) that are at least ``clear`` [m] from all colliders."""
-        off = np.ones(len(xy), np.bool_)
-        if len(xy) and self.solids:
-            solids = np.array(self.solids)
-            inside = cKDTree(xy).query_ball_point(solids[:, :2], solids[:, 2] + clear)
-            off[np.concatenate([np.asarray(rows, np.intp) for rows in inside])] = False
-        return off
+        return outside(xy, np.add(np.array(self.solids).reshape(-1, 3), (0.0, 0.0, clear)))
 
     def _tilted(self, xy: Array, tilt: float, lean_deg: float, rng: np.random.Generator) -> Array:
         """Rotations (n, 3, 3) from upright to the share ``tilt`` of the ground's slope, with some random lean."""

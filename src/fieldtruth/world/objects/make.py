@@ -101,11 +101,12 @@ def _notes(turned: int, open_edges: int, count: int) -> Iterator[str]:
 
 
 def _in_our_frame(content: FileContent, config: ObjectConfig, where: str) -> list[Part]:
-    """Parts [m], z up, with the origin below the middle of all."""
+    """Parts [m], z up, with the origin below the middle of all, of the vertices that triangles use."""
+    own = [_used(part) for part in content.parts]
     unit = UNITS[config.unit] if config.unit else content.unit or 1.0
     turn = _AXES[config.up or content.up or "z"]
-    moved = [part.vertices @ turn.T * (unit * config.scale) for part in content.parts]
-    used = np.concatenate([at[np.unique(part.faces)] for at, part in zip(moved, content.parts, strict=True)])
+    moved = [part.vertices @ turn.T * (unit * config.scale) for part in own]
+    used = np.concatenate(moved)
     if not np.isfinite(used).all():
         raise ConfigurationError(f"{where}: vertices must be finite numbers")
     low, high = used.min(axis=0), used.max(axis=0)
@@ -116,7 +117,14 @@ def _in_our_frame(content: FileContent, config: ObjectConfig, where: str) -> lis
             f"{where}: must be {SIZES[0]:g} m to {SIZES[1]:g} m long, got {length:.3g} m; say unit: one of {names}"
         )
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    return [part._replace(vertices=at - origin) for at, part in zip(moved, content.parts, strict=True)]
+    return [part._replace(vertices=at - origin) for at, part in zip(moved, own, strict=True)]
+
+
+def _used(part: Part) -> Part:
+    """The part without vertices that no triangle has."""
+    rows, faces = np.unique(part.faces, return_inverse=True)
+    uv = None if part.uv is None else part.uv[rows]
+    return part._replace(vertices=part.vertices[rows], faces=faces.reshape(-1, 3), uv=uv)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, world_from_geodetic
 from fieldtruth.world.model import Heightfield, Instance, Swarm, Terrain, water_at
 from fieldtruth.world.objects.config import ObjectConfig, ScatterConfig
 from fieldtruth.world.objects.make import OwnObject, circles_of, make_object
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, place_until_count, upright_pose
+from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder, eased, outside, place_until_count, upright_pose
 
 TRIES: Final = 100
 """Positions to try for each copy that is wanted."""
@@ -151,10 +151,7 @@ def _clear_swarms(builder: WorldBuilder, added: Sequence[Instance], own: OwnObje
 
 def _outside(swarm: Swarm, circles: Array) -> Iterator[Swarm]:
     """Yield a swarm without its members in some circles; none if no member is left."""
-    xy = swarm.world_from_object[:, :2, 3]
-    off = np.ones(len(xy), np.bool_)
-    for x, y, radius in circles.tolist():
-        off &= (xy[:, 0] - x) ** 2 + (xy[:, 1] - y) ** 2 > radius * radius
+    off = outside(swarm.world_from_object[:, :2, 3], circles)
     if off.all():
         yield swarm
     elif off.any():
