@@ -18,7 +18,10 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 from fieldtruth.world.build import build_world
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, FLAT, LATE, SHAPED, Description, model_of
-from fieldtruth.world.environments.layered.expressions import FUNCTIONS, Expression
+from fieldtruth.world.environments.layered.expressions import DRAWN, FUNCTIONS, Expression
+from fieldtruth.world.environments.layered.fields import border_distance
+from fieldtruth.world.environments.layered.land import PLACE, Beyond, waves
+from fieldtruth.world.environments.layered.steps import STEPS
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, World
 
@@ -259,9 +262,102 @@ def test_a_forest_beyond_closes_the_view_and_the_land_goes_on(tmp_path: Path) ->
     assert 14 < outside[canopy].min() < 20  # triangles of which the middle is behind 19 m
 
 
+def test_parameters_are_keys_of_the_layout_and_constants_of_all_rules(tmp_path: Path) -> None:
+    text = (
+        TEXT.replace("fields:", "parameters: {deep: {value: 0.8, low: 0, high: 1}, level: -0.4}\nfields:")
+        .replace("-0.8 * smooth", "-deep * smooth")
+        .replace("{level: -0.4}", "{level: level - 0.1}")
+        + "beyond: {hills: 0, land: 2 * deep}\n"
+    )
+    with environment(tmp_path / "deep.yaml", text) as name:
+        usual, other = (build_world(name, 3, {"grass": 0.0, "stones": 0, **own}) for own in ({}, {"deep": 0.3}))
+        with pytest.raises(ConfigurationError, match=r"layout: deep must be a number between 0\.0 and 1\.0, got 1\.2"):
+            build_world(name, 3, {"deep": 1.2})
+    x = np.linspace(-11, 11, 2001)
+    for world, deep in ((usual, 0.8), (other, 0.3)):
+        cut = (world.terrain.field.height_at(x, np.full(2001, 4.0)) - 0.05 * x).mean()
+        assert cut == pytest.approx(-deep, abs=0.02)
+        assert world.water_level == pytest.approx(-0.5)
+        assert world.backdrop is not None
+        far = world.backdrop.vertices[np.hypot(*world.backdrop.vertices[:, :2].T) > 500, 2]
+        assert np.median(far - 0.01 * 1000) > 2 * deep - 10  # hills without height rise by a hundredth
+
+
+def test_distances_and_means_of_fields_are_those_of_the_plane(tmp_path: Path) -> None:
+    """A disc's distance is the radius less the distance from its middle; a mean keeps a slope and lessens a wave."""
+    text = TEXT.replace(
+        "  slope: 0.05 * x\n  cut: -0.8 * smooth(ditch, 1.5, 0.5)\n",
+        "  disc: 0.1 * distance(25 - x * x - y * y)\n"
+        "  wave: 0.3 * cos(6.2832 * x / 4)\n"
+        "  worn: {smooth: {length: 1, share: y > 0}}\n",
+    )
+    with environment(tmp_path / "disc.yaml", text.replace("water: {level: -0.4}\n", "")) as name:
+        field = build_world(name, 3, {"grass": 0.0, "stones": 0, "row_trees": 0.0}).terrain.field
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-9, 9.1, 0.5), np.arange(-6, 6.1, 0.5)))
+    wave = np.where(y > 0, np.exp(-0.5 * (2 * np.pi / 4) ** 2), 1.0) * 0.3 * np.cos(2 * np.pi * x / 4)
+    off = field.height_at(x, y) - 0.1 * (5 - np.hypot(x, y)) - wave
+    free = (np.abs(y) > 0.5) & (np.hypot(x, y) > 2)  # away from the border of what is smoothed, and from the top
+    assert np.sqrt((off[free] ** 2).mean()) < 0.03  # of which the microrelief has 0.01
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_without_a_border_all_is_far_from_it(inside: bool) -> None:
+    far = border_distance(np.full((4, 5), inside), 0.2)
+    assert (far == (1000.0 if inside else -1000.0)).all()
+
+
+def test_a_layer_of_objects_is_a_distance_for_what_follows(tmp_path: Path) -> None:
+    text = TEXT.replace("where: ditch > 3 and crown < 0.5", "where: posts < 2")
+    rule = "posts > 9 and beyond > 3"
+    text += f"beyond: {{swarms: {{far: {{group: grass, kind: high_grass, per_m2: 2, within: 6, where: {rule}}}}}}}\n"
+    with environment(tmp_path / "near.yaml", text) as name:
+        world = build_world(name, 3, {"stones": 0})
+    posts = positions(of_kind(world, "posts"))
+    swarms = {each.name: each.world_from_object[:, :2, 3] for each in world.swarms}
+
+    def away(xy: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(xy[:, None] - posts, axis=2).min(axis=1)
+
+    assert 1.5 < away(swarms["grass"]).max() < 2
+    assert 9 < away(swarms["far"]).min() < 11
+    outside = np.hypot(*np.maximum(np.abs(swarms["far"]) - (12, 8), 0).T)
+    assert 3 < outside.min() < 3.5
+
+
+def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules(tmp_path: Path) -> None:
+    x, y = np.random.default_rng(0).uniform(-900, 900, (2, 20_000))
+    values = np.concatenate([waves(20, 60, np.random.default_rng(seed))(x, y) for seed in range(8)])
+    assert (values.mean(), values.std()) == pytest.approx((0.0, 1.0), abs=0.05)
+    text = TEXT + "beyond: {fields: {broad: 'waves(60, 200)'}, materials: {mud: broad > 0.2 and beyond > 20}}\n"
+    with environment(tmp_path / "woods.yaml", text) as name:
+        mesh = build_world(name, 3).backdrop
+    assert mesh is not None
+    middle = mesh.vertices[mesh.faces].mean(axis=1)
+    outside = np.hypot(*np.maximum(np.abs(middle[:, :2]) - (12, 8), 0).T)
+    muddy = mesh.material == mesh.materials.index("mud")
+    assert not muddy[outside < 19.9].any()
+    assert 0.2 < muddy[outside > 20].mean() < 0.65
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("patch: noise(6, 3)", "patch: waves(6, 30)", r"fields.patch: waves\(\) is allowed in beyond.fields only"),
+        ("slope: 0.05 * x", "slope: {smoth: {length: 1}}", "relief.slope: unknown step 'smoth'; did you mean 'smooth'"),
+        ("slope: 0.05 * x", "slope: {smooth: {length: 0}}", "relief.slope.smooth.length must be a number above 0"),
+        ("slope: 0.05 * x", "slope: {smooth: {length: 1, share: crown}}", "relief.slope.share: unknown field 'crown'"),
+        ("{group: stone, kind: rock, count: 6", "{type: bed, group: stone", "objects.stones: unknown type 'bed'"),
+        ("count: 6, where", "cont: 6, where", "unknown key 'objects.stones.cont'; did you mean 'objects.stones.count'"),
+        ("where: y < 1", "where: stones > 3", "objects.row_trees.where: unknown field 'stones'"),
+        ("fields:", "parameters: {wet: 1}\nfields:", "fields.wet: the name is taken"),
+        ("{level: -0.4}", "{level: x}", "water.level: unknown field 'x'"),
+        ("litter_amount: 0", "beyond: {land: height}", "beyond.land: unknown field 'height'"),
+        (
+            "litter_amount: 0",
+            "beyond: {fields: {a: 'waves(9, 2)'}}",
+            r"waves\(\) takes a shortest .* got waves\(9, 2\)",
+        ),
+        ("litter_amount: 0", "beyond: {materials: {mad: 1}}", "beyond: unknown material 'mad'"),
         ("mud: wet", "mad: wet", "ground: unknown material 'mad'; did you mean 'mud'"),
         ("mud: wet", "mud: wett", "ground.mud: unknown field 'wett'; did you mean 'wet'"),
         ("slope: 0.05 * x", "slope: 0.05 * crown", "relief.slope: unknown field 'crown'"),
@@ -387,4 +483,14 @@ def test_the_page_on_layers_names_every_section_field_and_function() -> None:
     page = (Path(__file__).parents[2] / "docs" / "layers.md").read_text(encoding="utf-8")
     page = re.sub(r"```.*?```", "", page, flags=re.S)
     words = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]*)`", page))))
-    assert {*Description.model_fields, *FLAT, *SHAPED, *LATE, *FUNCTIONS, "noise"} <= words
+    assert {
+        *Description.model_fields,
+        *FLAT,
+        *SHAPED,
+        *LATE,
+        *FUNCTIONS,
+        *DRAWN,
+        *STEPS,
+        *PLACE,
+        *Beyond.model_fields,
+    } <= words

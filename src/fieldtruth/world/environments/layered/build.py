@@ -2,27 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array, Index
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import canopy, height_beyond, make_backdrop, rolling_hills, scatter_beyond
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
-from fieldtruth.world.environments.layered.fields import Fields, check_finite, rng_of
-from fieldtruth.world.environments.layered.placing import grown, place_objects, scatter_plants, specified
+from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
     Line,
     coarseness,
-    distance_beyond,
     fractal_noise,
     grid_axes,
     make_heightfield,
@@ -33,7 +32,7 @@ from fieldtruth.world.grids import (
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Raster, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
-from fieldtruth.world.placement import FarSwarm, WorldBuilder
+from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
@@ -53,24 +52,25 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     description = DESCRIPTIONS[config.environment]
     config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
-    fields.height = shape(fields)
-    sheets = lay_water(fields)
-    builder = make_ground(fields, config)
+    fields.height = shape(fields, description)
+    sheets = lay_water(fields, description)
+    builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
-    place_objects(builder, fields, config)
+    for name, layer in description.objects.items():
+        layer.place(builder, fields, config, name)
     fields.crown = crowns(builder, fields.nodes)
-    terrain = with_layer(cover_ground(builder, fields), rng_of(seed, "layer"))
-    scatter_plants(builder, fields, config)
-    backdrop = make_land_beyond(builder, fields)
+    terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
+    scatter_plants(builder, fields, config, description.plants)
+    land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
         name=config.environment,
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
-        backdrop=backdrop,
-        beyond=_swarms_beyond(builder, fields, config, backdrop),
+        backdrop=land[0],
+        beyond=swarms_beyond(builder, fields, config, description.beyond, land),
         litter=config.litter,
         objects=config.objects,
     )
@@ -83,21 +83,26 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
         for name, corners_of in description.lines.items()
     }
     nodes = grid_axes(config.size, hills_spacing(config.size))
-    return Fields(description, seed, config.size, nodes, trails, corridors, lines)
+    parameters = {name: float(getattr(config, name)) for name in description.parameters}
+    return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
-def shape(fields: Fields) -> Array:
-    """Sum of the relief's layers [m] at the nodes, each of which knows those before it."""
+def shape(fields: Fields, description: Description) -> Array:
+    """Heights [m] at the nodes: the relief's layers in turn, each of which knows those before it."""
     height = np.zeros([len(axis) for axis in fields.nodes])
-    for name, rule in fields.description.relief.items():
-        fields.height = height
-        height = height + fields.on(rule, fields.nodes, noise=f"relief.{name}")
+    for name, layer in description.relief.items():
+        fields.height, key = height, f"relief.{name}"
+        height = height + fields.draw(layer, key) if isinstance(layer, Expression) else layer.apply(fields, key)
     return height
 
 
-def lay_water(fields: Fields) -> list[tuple[Mesh, float]]:
+def constant(fields: Fields, rule: Expression) -> float:
+    """Value of a rule of parameters."""
+    return float(fields.at(rule, np.zeros((1, 2)))[0])
+
+
+def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
     """Set the level of the water, and dig its puddles; return its sheets with their heights [m]."""
-    description = fields.description
     if description.puddles is not None:
         assert fields.height is not None
         larger = np.prod(fields.size) / np.prod(description.size)
@@ -107,27 +112,29 @@ def lay_water(fields: Fields) -> list[tuple[Mesh, float]]:
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = description.water.level
+    fields.water = level = constant(fields, description.water.level)
     x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
-    return [(make_flat_sheet("water", x, y), description.water.level)]
+    return [(make_flat_sheet("water", x, y), level)]
 
 
-def painted(fields: Fields, axes: Axes) -> dict[str, Array]:
+def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dict[str, Array]:
     """Share (nx, ny) of each material of the ground: each covers what is below it; the first one is everywhere."""
     shares: dict[str, Array] = {}
-    for name, rule in fields.description.ground.items():
+    for name, rule in ground.items():
         opacity = np.clip(fields.on(rule, axes), 0.0, 1.0) if shares else np.ones([len(axis) for axis in axes])
         shares = {other: share * (1.0 - opacity) for other, share in shares.items()}
         shares[name] = opacity
     return shares
 
 
-def make_ground(fields: Fields, config: Any) -> WorldBuilder:
+def make_ground(fields: Fields, config: Any, description: Description) -> WorldBuilder:
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
     on_trail = np.clip(0.5 - fields.on(TRAIL, fields.nodes) / 0.2, 0.0, 1.0)
-    shares = {name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes).items()}
-    for name, share in (*shares.items(), (fields.description.trail.material, on_trail)):
+    shares = {
+        name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes, description.ground).items()
+    }
+    for name, share in (*shares.items(), (description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
         if ground:
             grounds[ground] = grounds.get(ground, 0.0) + share
@@ -139,10 +146,10 @@ def make_ground(fields: Fields, config: Any) -> WorldBuilder:
     return WorldBuilder(field, config.size, fields.trails, fields.corridors)
 
 
-def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
+def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:
     """Terrain with its materials; edges of trails are ragged."""
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
-    shares, trail = painted(fields, axes), fields.description.trail
+    shares, trail = painted(fields, axes, description.ground), description.trail
     ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
     return Terrain(
         field=builder.field,
@@ -151,7 +158,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields) -> Terrain:
         ground_materials=tuple(shares),
         trail_material=trail.material,
         border_material=trail.border,
-        border_width=trail.border_width,
+        border_width=constant(fields, trail.border_width),
     )
 
 
@@ -169,35 +176,3 @@ def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
     leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
     faces = mesh.faces[np.isin(mesh.material, leafy)]
     return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0
-
-
-def make_land_beyond(builder: WorldBuilder, fields: Fields) -> Mesh:
-    """Land around the world: hills, and behind the trees at its edge a forest's canopy, if there is one."""
-    beyond, rng, size = fields.description.beyond, rng_of(fields.seed, "beyond"), builder.size
-    roof, names = beyond.canopy, [beyond.material]
-    if roof is None:
-        hills = rolling_hills(size, rng, height=beyond.hills)
-    else:
-        hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
-        names.append(roof.material)
-
-    def land(x: Array, y: Array) -> Array:
-        added = beyond.land.values({"x": x, "y": y}.__getitem__)
-        check_finite(beyond.land, np.broadcast_to(added, x.shape).ravel(), np.stack([x.ravel(), y.ravel()], axis=-1))
-        return hills(x, y) + added
-
-    def cover(x: Array, y: Array, _slope: Array) -> Index:
-        return (distance_beyond(size, x, y) > (roof.behind - 1.0 if roof else np.inf)).astype(np.intp)
-
-    return make_backdrop(builder.field, size, names, rng, land=land, cover=cover)
-
-
-def _swarms_beyond(builder: WorldBuilder, fields: Fields, config: Any, backdrop: Mesh) -> list[FarSwarm]:
-    ground = height_beyond(builder.field, config.size, backdrop)
-    swarms = []
-    for name, layer in fields.description.beyond.swarms.items():
-        rng = rng_of(fields.seed, f"beyond.{name}")
-        spec = specified(name, layer, grown(fields, layer.group, config), layer.per_m2)
-        within, margin = layer.within, layer.margin
-        swarms.append(scatter_beyond(config.size, ground, spec, rng, within=within, margin=margin))
-    return swarms

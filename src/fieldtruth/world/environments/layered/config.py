@@ -12,15 +12,20 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, PlainValidator, ValidationError, create_model, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, create_model, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive, configuration_error
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
+from fieldtruth.world.environments.layered.expressions import DRAWN, Expression
+from fieldtruth.world.environments.layered.land import PLACE, Beyond
+from fieldtruth.world.environments.layered.objects import Objects
+from fieldtruth.world.environments.layered.plants import Plants
+from fieldtruth.world.environments.layered.positions import Along
+from fieldtruth.world.environments.layered.sections import Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
     PLANTINGS,
-    Count,
     Density,
     GroundConfig,
     Share,
@@ -28,14 +33,11 @@ from fieldtruth.world.environments.layout import (
     Trails,
     check_plants,
 )
-from fieldtruth.world.furniture import FURNITURE
 from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.library import Entry, Library
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.seasons import SUMMER, seasons
 
-Rule = Annotated[Expression, PlainValidator(Expression)]
-Distance = Annotated[Number, Field(ge=0)]
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
@@ -47,123 +49,52 @@ LATE: Final = frozenset({"crown", "above_water"})
 the ground above the water, large where it is dry."""
 
 
-class Rows(Frozen):
-    """Parallel rows across the world."""
-
-    spacing: Positive  # [m] between rows
-    every: Positive  # [m] along a row
-    angle: Number = 0.0  # [deg] to the x axis
-    offset: Number = 0.0  # [m] of all rows to the left
-    jitter: Distance = 0.0  # [m], standard deviation of the position
-    gaps: Share = 0.0  # share of positions that are left out
-
-
-class Along(Frozen):
-    """Positions along a line of the environment, along its trails, or along the contour lines of a field."""
-
-    line: str = ""
-    contours: str = ""  # a field, instead
-    step: Positive = 1.0  # of the field between its contours
-    every: Positive  # [m]
-    offset: Number = 0.0  # [m] to the left of the line, where a field is larger; of trails from their edge, both sides
-    jitter: Distance = 0.0
-    gaps: Share = 0.0
-
-
-class Objects(Frozen):
-    """Objects of a kind: so many at random positions, in rows, or along a line."""
-
-    group: str = ""  # of plants or rocks
-    furniture: tuple[str, ...] = ()  # instead
-    kind: str = ""  # by default the layer's name
-    count: Annotated[Integer, Field(ge=0)] = 0
-    rows: Rows | None = None
-    along: Along | None = None
-    where: Rule = Field(default=Expression("1"))  # chance of a position
-    spacing: Distance = 0.0  # [m] between any two; eases where space is scarce
-    scales: tuple[Positive, Positive] = (1.0, 1.0)
-    tint: Distance = 0.08
-    tilt: Share = 0.0  # share of the slope by which they lean
-    sink: Distance = 0.0  # [m]
-    aligned: Boolean = False  # turned along their row or line; otherwise at random
-    footprint: Positive = 1.0  # share of the footprint's radius that is kept free: crowns reach into each other below 1
-    stand: Boolean = False  # trees that find light between those that stand
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Self:
-        if bool(self.group) == bool(self.furniture):
-            raise ValueError("either group or furniture is required")
-        if (self.count > 0) + (self.rows is not None) + (self.along is not None) != 1:
-            raise ValueError("one of count, rows and along is required")
-        for unknown in (name for name in self.furniture if name not in FURNITURE):
-            raise ValueError(f"unknown furniture {unknown!r}; {suggestion(unknown, FURNITURE)}")
-        return self
-
-
-class Plants(Frozen):
-    """A swarm of plants or stones; keys as of ``placement.SwarmForm``."""
-
-    group: str
-    kind: str
-    per_m2: Density = 1.0
-    rows: Rows | None = None  # instead of a density
-    where: Rule = Field(default=Expression("1"))
-    scales: tuple[Positive, Positive] = (0.8, 1.25)
-    tint: Distance = 0.1
-    tilt: Share = 0.0
-    lean_deg: Distance = 0.0
-    sink: Distance = 0.0
-    clear: Distance = 0.0
-    aside: Distance = 0.0
-
-
-class FarPlants(Frozen):
-    """A swarm of plants or stones on the land beyond the edge."""
-
-    group: str
-    kind: str
-    per_m2: Density = 1.0
-    scales: tuple[Positive, Positive] = (0.8, 1.25)
-    tint: Distance = 0.1
-    tilt: Share = 0.0
-    sink: Distance = 0.0
-    within: Distance = 80.0  # [m] from the edge
-    margin: Distance = 1.5
-
-
-class TrailSurface(Frozen):
+class TrailSurface(Ruled):
     """Surface of the trails."""
 
     material: str = "path"
     border: str = "path_edge"
-    border_width: Distance = 0.2  # [m] inwards from the edge
+    border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
 
 
-class Canopy(Frozen):
-    """A closed forest beyond the edge: from afar its crowns are one surface."""
-
-    height: Positive  # [m]
-    behind: Positive  # [m] from the edge; single trees stand up to there
-    material: str = "canopy"
-
-
-class Beyond(Frozen):
-    """The land beyond the world's edge."""
-
-    material: str = "meadow"
-    hills: Distance = 9.0  # [m] at the horizon
-    land: Rule = Field(default=Expression("0"))  # height [m] that is added to them, of x and y
-    canopy: Canopy | None = None
-    swarms: Mapping[str, FarPlants] = {}
-
-
-class Water(Frozen):
+class Water(Ruled):
     """Water of one level over all ground that is lower."""
 
-    level: Number  # [m]
+    level: Rule  # [m], of parameters
 
 
-class Puddles(Frozen):
+class Parameter(Frozen):
+    """A number of the environment: a key of its layout, and a constant in its rules."""
+
+    value: Number
+    low: Number | None = None
+    high: Number | None = None
+
+    def layout(self) -> tuple[Any, float]:
+        """Type and default of its key of the layout."""
+        return Annotated[Number, Field(ge=self.low, le=self.high)], self.value
+
+
+def _parameter(given: Any) -> Any:
+    return given if isinstance(given, Mapping) else {"value": given}
+
+
+def _layer(given: Any) -> Layer:
+    """Return the layer of objects of the type that it names; raises ValueError."""
+    kind = given.get("type", "objects") if isinstance(given, Mapping) else "objects"
+    if kind not in LAYERS:
+        raise ValueError(f"unknown type {kind!r}; {suggestion(str(kind), LAYERS)}")
+    try:
+        return LAYERS[kind].model_validate(given)
+    except ValidationError as report:
+        raise PartError(LAYERS[kind], report) from report
+
+
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects}
+"""Types of the layers of objects."""
+
+
+class Puddles(Ruled):
     """Shallow hollows with water of their own."""
 
     count: Annotated[Integer, Field(ge=0)]
@@ -180,16 +111,19 @@ class Description(Frozen):
     sources: tuple[str, ...] = ()  # of the landscape's figures
     size: Size = BUILT_IN
     season: str = SUMMER
+    parameters: Mapping[str, Annotated[Parameter, BeforeValidator(_parameter)]] = {}
     fields: Mapping[str, Rule] = {}
     lines: Mapping[str, Trails] = {}  # ditches, hedges, walls ...: a field of each has the distance [m]
     trails: Trails = ()
     trail_width: Positive = 1.6
     trail: TrailSurface = TrailSurface()
-    relief: Mapping[str, Rule] = {}  # heights [m] that are added in turn
+    relief: Mapping[
+        str, Annotated[Expression | Step, PlainValidator(step_of)]
+    ] = {}  # heights [m] that are added, steps
     water: Water | None = None
     puddles: Puddles | None = None
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
-    objects: Mapping[str, Objects] = {}
+    objects: Mapping[str, Annotated[Layer, PlainValidator(_layer)]] = {}
     plants: Mapping[str, Plants] = {}
     seasonal: Mapping[str, Mapping[str, tuple[str, ...]]] = {}  # other species of groups by season: stages of crops
     litter_amount: Annotated[Number, Field(ge=0, le=4)] = 1.0
@@ -206,24 +140,23 @@ class Description(Frozen):
             raise ValueError("either water or puddles is allowed")
         self._check_names()
         for key, layer in self.objects.items():
-            _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
-        early = FLAT | set(self.lines)
-        flat = early | {name for name in self.fields if not self._is_shaped(name)}
-        for section, allowed in (("fields", early | SHAPED | set(self.fields)), ("relief", flat | SHAPED)):
-            for key, rule in getattr(self, section).items():
-                _checked(f"{section}.{key}", rule, allowed, noise=True)
-        known = early | SHAPED | LATE | set(self.fields)
-        for key, rule in self._rules():
-            _checked(key, rule, known, noise=False)
-        _checked("beyond.land", self.beyond.land, {"x", "y"}, noise=False)
+            if isinstance(layer, Objects):
+                _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
+        for key, rule, known, drawn in self._rules():
+            try:
+                rule.check(known, drawn)
+            except ValueError as error:
+                raise ValueError(f"{key}: {error}") from error
         return self
 
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
         layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
-        fields, swarms = {*FLAT, *SHAPED, *LATE}, set[str]()
+        fields, swarms = {*FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
         for section, names, taken in (
-            ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("parameters", self.parameters, fields), ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("beyond.fields", self.beyond.fields, fields), ("objects", self.objects, fields),
+            ("parameters", self.parameters, layers),
             ("objects", self.objects, layers), ("plants", self.plants, layers),
             ("plants", self.plants, swarms), ("beyond.swarms", self.beyond.swarms, swarms),
         ):  # fmt: skip
@@ -235,14 +168,46 @@ class Description(Frozen):
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
-        yield "beyond", (self.beyond.material, *([self.beyond.canopy.material] if self.beyond.canopy else []))
+        canopy = [self.beyond.canopy.material] if self.beyond.canopy else []
+        yield "beyond", (self.beyond.material, *canopy, *self.beyond.materials)
         yield "puddles", (self.puddles.material,) if self.puddles is not None else ()
 
-    def _rules(self) -> Iterator[tuple[str, Expression]]:
-        yield from ((f"ground.{key}", rule) for key, rule in self.ground.items())
-        yield from ((f"objects.{key}.where", layer.where) for key, layer in self.objects.items())
-        yield from ((f"plants.{key}.where", layer.where) for key, layer in self.plants.items())
-        yield from [("puddles.where", self.puddles.where)] if self.puddles is not None else []
+    def _rules(self) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
+        """Yield all rules by their keys, with the fields and functions that each may use."""
+        numbers, objects = set(self.parameters), set[str]()
+        early = FLAT | numbers | set(self.lines)
+        flat = early | SHAPED | {name for name in self.fields if not self._is_shaped(name)}
+        known = early | SHAPED | LATE | set(self.fields)
+        nodes = frozenset(DRAWN) - {"waves"}
+        yield from (
+            (f"fields.{key}", rule, early | SHAPED | set(self.fields), nodes) for key, rule in self.fields.items()
+        )
+        for key, step in self.relief.items():
+            for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
+                yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
+        yield from ((f"water.{key}", rule, numbers, set()) for key, rule in (self.water.rules() if self.water else ()))
+        yield from ((f"trail.{key}", rule, numbers, set()) for key, rule in self.trail.rules())
+        if self.puddles is not None:
+            yield from ((f"puddles.{key}", rule, known, set()) for key, rule in self.puddles.rules())
+        for key, layer in self.objects.items():
+            yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
+            objects.add(key)
+        yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
+        for key, plants in self.plants.items():
+            yield from ((f"plants.{key}.{name}", rule, known | objects, set()) for name, rule in plants.rules())
+        yield from self._rules_beyond(numbers, objects)
+
+    def _rules_beyond(
+        self, numbers: Set[str], objects: Set[str]
+    ) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
+        place = PLACE | numbers | set(self.beyond.fields)
+        yield from ((f"beyond.fields.{key}", rule, place, {"waves"}) for key, rule in self.beyond.fields.items())
+        yield "beyond.land", self.beyond.land, place, set()
+        for key, rule in self.beyond.materials.items():
+            yield f"beyond.materials.{key}", rule, place | {"land", "slope"}, set()
+        for key, swarm in self.beyond.swarms.items():
+            for name, rule in swarm.rules():
+                yield f"beyond.swarms.{key}.{name}", rule, place | objects | {"land"}, set()
 
     def _is_shaped(self, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Return True if a field follows from the relief; raises ValueError where fields follow from each other."""
@@ -251,13 +216,6 @@ class Description(Frozen):
         names = self.fields[name].names if name in self.fields else set()
         follows = [self._is_shaped(each, seen | {name}) for each in sorted(names)]  # all: each may follow from itself
         return bool(names & SHAPED) or any(follows)
-
-
-def _checked(key: str, rule: Expression, known: Set[str], noise: bool) -> None:
-    try:
-        rule.check(known, noise=noise)
-    except ValueError as error:
-        raise ValueError(f"{key}: {error}") from error
 
 
 def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:
@@ -283,11 +241,11 @@ def _described(name: str, content: Entry, path: Path) -> Description:
         except ValueError as error:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
-    named = {f"objects.{key}": layer.group for key, layer in description.objects.items()}
+    named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
     named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
     named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
     for key, group in named.items():
-        if group not in ("", *groups):
+        if group not in groups:
             raise ConfigurationError(f"{path}: {key}: unknown group {group!r}; {suggestion(group, groups)}")
     return description
 
@@ -305,8 +263,8 @@ def model_of(name: str) -> type[GroundConfig]:
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
-    for key, layer in description.objects.items():
-        keys[key] = (Count, layer.count) if layer.count else (Share, 1.0)
+    keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}
+    keys |= {key: layer.layout() for key, layer in description.objects.items()}
     for key, plants in description.plants.items():
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)

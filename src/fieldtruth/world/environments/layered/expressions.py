@@ -4,12 +4,13 @@
 
 A comparison is 1 where it is true and 0 elsewhere; ``and`` is the smaller, ``or`` the larger of two values, ``not`` is
 1 minus a value. An expression is parsed, never run as code: names are fields, and functions those of ``FUNCTIONS`` and,
-where noise may be drawn, ``noise(wavelength, octaves, gain)`` with [m], see ``grids.fractal_noise``.
+where a whole grid is known or noise may be drawn, those of ``DRAWN``.
 """
 
 import ast
 from collections.abc import Callable, Mapping, Sequence, Set
 from functools import reduce
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -19,8 +20,8 @@ from fieldtruth.core.errors import suggestion
 
 Lookup = Callable[[str], Array]
 """Returns the values of a field by its name."""
-Noise = Callable[..., Array]
-"""Draws noise of a wavelength [m], octaves and a gain."""
+Drawn = Mapping[str, Callable[..., Array]]
+"""Functions of ``DRAWN`` that are allowed in an expression."""
 LONGEST: Final = 600
 """Characters of an expression at most."""
 
@@ -45,6 +46,9 @@ FUNCTIONS: Final[Mapping[str, tuple[Callable[..., Any], int, int]]] = {
     "max": (lambda *values: reduce(np.maximum, values), 2, 9),
 }  # fmt: skip
 """Functions with their least and greatest number of arguments. Angles of sin and cos are in radians."""
+DRAWN: Final[Mapping[str, tuple[int, int]]] = {"noise": (1, 3), "distance": (1, 1), "blur": (2, 2), "waves": (2, 2)}
+"""Functions that need a whole grid or a seed, with their least and greatest number of arguments: see ``Fields`` and
+``Land``."""
 _BINARY: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
     ast.Mod: np.mod,
@@ -67,25 +71,26 @@ class Expression:
         except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
             raise ValueError(f"not an expression: {self.text!r}") from error
         self.names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)} - self._calls()
-        self.draws = "noise" in self._calls()
-        """True if it has noise."""
+        self.drawn = self._calls() & DRAWN.keys()
+        """Its functions of ``DRAWN``."""
         _check(self._tree)
 
     def _calls(self) -> set[str]:
         calls = (node.func for node in ast.walk(self._tree) if isinstance(node, ast.Call))
         return {call.id for call in calls if isinstance(call, ast.Name)}
 
-    def check(self, known: Set[str], *, noise: bool = False) -> None:
-        """Check that all its fields are ``known``, and that it draws noise only if it may; raises ValueError."""
+    def check(self, known: Set[str], drawn: Set[str] = frozenset()) -> None:
+        """Check that all its fields are ``known``, and its functions of ``DRAWN`` allowed; raises ValueError."""
         for unknown in sorted(self.names - known):
             raise ValueError(f"unknown field {unknown!r}; {suggestion(unknown, sorted(known))}")
-        if self.draws and not noise:
-            raise ValueError(f"noise() is allowed in fields and relief only, got {self.text!r}")
+        for name in sorted(self.drawn - drawn):
+            allowed = "beyond.fields" if name == "waves" else "fields and relief"
+            raise ValueError(f"{name}() is allowed in {allowed} only, got {self.text!r}")
 
-    def values(self, lookup: Lookup, noise: Noise | None = None) -> Array:
+    def values(self, lookup: Lookup, drawn: Drawn = MappingProxyType({})) -> Array:
         """Values where ``lookup`` has those of the fields."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.asarray(_value(self._tree, lookup, noise), np.float64)
+            return np.asarray(_value(self._tree, lookup, drawn), np.float64)
 
 
 def _check(node: ast.AST) -> None:
@@ -96,13 +101,14 @@ def _check(node: ast.AST) -> None:
         case ast.Name():
             return
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-            least, most = (1, 3) if name == "noise" else FUNCTIONS[name][1:] if name in FUNCTIONS else (0, -1)
-            if most < 0:
-                raise ValueError(f"unknown function {name!r}; {suggestion(name, ['noise', *FUNCTIONS])}")
+            counts = {**DRAWN, **{known: ends for known, (_, *ends) in FUNCTIONS.items()}}
+            if name not in counts:
+                raise ValueError(f"unknown function {name!r}; {suggestion(name, counts)}")
+            least, most = counts[name]
             if not least <= len(args) <= most:
                 raise ValueError(f"{name}() takes {least} to {most} values, got {len(args)}")
-            if name == "noise":
-                _check_noise(args)
+            if name in ("noise", "waves"):
+                _check_lengths(name, args)
             parts: list[ast.AST] = list(args)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             parts = [left, right]
@@ -118,30 +124,31 @@ def _check(node: ast.AST) -> None:
         _check(part)
 
 
-def _check_noise(args: Sequence[ast.expr]) -> None:
-    """Check the values of noise; raises ValueError."""
+def _check_lengths(name: str, args: Sequence[ast.expr]) -> None:
+    """Check the values of noise and waves; raises ValueError."""
     given: list[Any] = [each.value if isinstance(each, ast.Constant) else None for each in args]
-    wavelength, octaves, gain = given + [5.0, 3, 0.5][len(given) :]
-    fits = isinstance(wavelength, int | float) and wavelength >= 0.1 and isinstance(gain, int | float) and gain > 0
-    if not fits or octaves not in range(1, 9):
-        text = ", ".join(map(ast.unparse, args))
-        raise ValueError(f"noise() takes a wavelength from 0.1 m, 1 to 8 octaves and a gain above 0, got noise({text})")
+    numbers = all(isinstance(each, int | float) for each in given)
+    text = f"got {name}({', '.join(map(ast.unparse, args))})"
+    if name == "waves" and not (numbers and 1 <= given[0] <= given[1]):
+        raise ValueError(f"waves() takes a shortest and a longest length from 1 m, {text}")
+    wavelength, octaves, gain = given + [5.0, 3, 0.5][len(given) :] if name == "noise" else (5.0, 3, 0.5)
+    if not (numbers and wavelength >= 0.1 and gain > 0 and octaves in range(1, 9)):
+        raise ValueError(f"noise() takes a wavelength from 0.1 m, 1 to 8 octaves and a gain above 0, {text}")
 
 
-def _value(node: ast.AST, lookup: Lookup, noise: Noise | None) -> Any:
+def _value(node: ast.AST, lookup: Lookup, drawn: Drawn) -> Any:
     """Value of a part that ``_check`` has passed."""
 
     def value(part: ast.AST) -> Any:
-        return _value(part, lookup, noise)
+        return _value(part, lookup, drawn)
 
     match node:
         case ast.Constant(value=number):
             return np.float64(number)  # type: ignore[arg-type]
         case ast.Name(id=name):
             return lookup(name)
-        case ast.Call(func=ast.Name(id="noise"), args=args):
-            assert noise is not None
-            return noise(*map(value, args))
+        case ast.Call(func=ast.Name(id=name), args=args) if name in DRAWN:
+            return drawn[name](*map(value, args))
         case ast.Call(func=ast.Name(id="rows"), args=args):
             return _rows(lookup("x"), lookup("y"), *map(value, args))
         case ast.Call(func=ast.Name(id=name), args=args):

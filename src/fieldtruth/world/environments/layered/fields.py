@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of an environment's fields and rules, on grids and at positions.
 
-A field with noise is drawn once on the grid of the relief, from a seed of its own name, and interpolated; all others
-are computed where they are asked for.
+A field with noise, a distance or a blur is drawn once on the grid of the relief, from a seed of its own name, and
+interpolated; all others are computed where they are asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,14 +11,15 @@ from dataclasses import dataclass, field
 from zlib import crc32
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.config import Description
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.expressions import Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
 from fieldtruth.world.model import Mesh, Raster, water_at
 from fieldtruth.world.relief import Axes
+from fieldtruth.world.stand import Stand
 
 FAR = 1e3
 """Distance [m] where there is nothing of a kind."""
@@ -33,7 +34,8 @@ def rng_of(seed: int, name: str) -> np.random.Generator:
 class Fields:
     """Fields of a world that is being built."""
 
-    description: Description
+    rules: Mapping[str, Expression]
+    parameters: Mapping[str, float]
     seed: int
     size: tuple[float, float]
     nodes: Axes
@@ -48,10 +50,54 @@ class Fields:
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
     """Individuals of the groups that are grown."""
+    near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
+    """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    stand: Stand | None = None
+    """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
 
-    def at(self, rule: Expression, xy: Array, *, noise: str = "") -> Array:
-        """Values (n,) of a rule at positions (n, 2); ``noise`` is the name whose seed its noise has, on nodes only."""
+    def at(self, rule: Expression, xy: Array) -> Array:
+        """Values (n,) of a rule at positions (n, 2)."""
+        return self._values(rule, xy, {})
+
+    def on(self, rule: Expression, axes: Axes) -> Array:
+        """Values (nx, ny) of a rule at the nodes of axes [m]."""
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+
+    def draw(self, rule: Expression, name: str) -> Array:
+        """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
+        shape, spacing, rng = (len(self.nodes[0]), len(self.nodes[1])), self.spacing, rng_of(self.seed, name)
+
+        def grid(values: Array) -> Array:
+            return values.reshape(shape) if np.size(values) > 1 else np.full(shape, float(values))
+
+        def noise(wavelength: float, octaves: float = 3.0, gain: float = 0.5) -> Array:
+            own = {"wavelength": float(wavelength), "octaves": int(octaves), "gain": float(gain)}
+            return fractal_noise(*self.nodes, rng=rng, **own).reshape(-1)  # type: ignore[arg-type]
+
+        def distance(values: Array) -> Array:
+            return border_distance(grid(values) > 0, spacing).reshape(-1)
+
+        def blur(values: Array, length: Array) -> Array:
+            mean = gaussian_filter(grid(values), float(np.max(length)) / spacing, mode="nearest")
+            return np.asarray(mean).reshape(-1)
+
+        xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return self._values(rule, xy, {"noise": noise, "distance": distance, "blur": blur}).reshape(shape)
+
+    def anywhere(self, name: str, xy: Array) -> Array:
+        """Values (n,) of a parameter, or of the distance to a layer's objects, also beyond the edge."""
+        if name in self.parameters:
+            return np.full(len(xy), self.parameters[name])
+        return self.near[name](xy) if name in self.near else np.full(len(xy), FAR)
+
+    @property
+    def spacing(self) -> float:
+        """Spacing [m] of the relief's nodes."""
+        return float(self.nodes[0][1] - self.nodes[0][0])
+
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
         cache: dict[str, Array] = {}
 
         def lookup(name: str) -> Array:
@@ -59,24 +105,9 @@ class Fields:
                 cache[name] = self._known(name, xy, lookup)
             return cache[name]
 
-        draw = self._noise(noise) if noise else None
-        values = np.broadcast_to(rule.values(lookup, draw), (len(xy),)).astype(np.float64)
+        values = np.broadcast_to(rule.values(lookup, drawn), (len(xy),)).astype(np.float64)
         check_finite(rule, values, xy)
         return values
-
-    def on(self, rule: Expression, axes: Axes, *, noise: str = "") -> Array:
-        """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes, noise=noise).reshape(len(axes[0]), len(axes[1]))
-
-    def _noise(self, name: str) -> Callable[..., Array]:
-        rng = rng_of(self.seed, name)
-
-        def noise(wavelength: float, octaves: float = 3.0, gain: float = 0.5) -> Array:
-            own = {"wavelength": float(wavelength), "octaves": int(octaves), "gain": float(gain)}
-            return fractal_noise(*self.nodes, rng=rng, **own).reshape(-1)  # type: ignore[arg-type]
-
-        return noise
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
         x, y = xy.T
@@ -103,17 +134,27 @@ class Fields:
                 return np.asarray(np.minimum(above, FAR))
         if name in self.lines:
             return self.lines[name].distance(xy)
-        rule = self.description.fields[name]
-        if not rule.draws:
+        if name not in self.rules:
+            return self.anywhere(name, xy)
+        rule = self.rules[name]
+        if not rule.drawn:
             return np.broadcast_to(rule.values(lookup), (len(xy),))
         if name not in self._drawn:
-            self._drawn[name] = self._raster(name, self.on(rule, self.nodes, noise=f"fields.{name}"))
+            self._drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
         return self._drawn[name].at(x, y)
 
     def _raster(self, name: str, values: Array | None) -> Raster:
         if values is None:
             raise AssertionError(f"{name} is asked for before it is known")
-        return make_raster(values, float(self.nodes[0][1] - self.nodes[0][0]), *self.nodes)
+        return make_raster(values, self.spacing, *self.nodes)
+
+
+def border_distance(inside: Mask, spacing: float) -> Array:
+    """Distance [m] (nx, ny) to the border of a mask, positive inside, smooth over the grid's steps."""
+    if inside.all() or not inside.any():
+        return np.full(inside.shape, FAR if inside.all() else -FAR)
+    into, out = distance_transform_edt(inside), distance_transform_edt(~inside)
+    return np.asarray(gaussian_filter(np.where(inside, into - 0.5, 0.5 - out), 2.5, mode="nearest") * spacing)
 
 
 def check_finite(rule: Expression, values: Array, xy: Array) -> None:

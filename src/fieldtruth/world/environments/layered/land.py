@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The land beyond a world's edge: hills and what rules add to them, its materials, a closed forest, and swarms."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+from pydantic import Field
+
+from fieldtruth.core.arrays import Array, Index
+from fieldtruth.experiment.fields import Frozen, Positive
+from fieldtruth.world.backdrop import Land, canopy, height_beyond, make_backdrop, rolling_hills, scatter_beyond
+from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.fields import Fields, check_finite, rng_of
+from fieldtruth.world.environments.layered.plants import FarPlants, grown, specified
+from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
+from fieldtruth.world.grids import distance_beyond
+from fieldtruth.world.model import Mesh
+from fieldtruth.world.placement import FarSwarm, WorldBuilder
+
+PLACE: Final = frozenset({"x", "y", "beyond"})
+"""Fields of the rules of the land: position [m], and distance [m] from the world's edge."""
+JOINED: Final = 100.0
+"""Distance [m] from the edge up to which swarms stand on the land's triangles, which the world's edge bends; those of
+swarms that reach farther stand on the land as its rules say."""
+WAVES: Final = 16
+
+
+class Canopy(Frozen):
+    """A closed forest beyond the edge: from afar its crowns are one surface."""
+
+    height: Positive  # [m]
+    behind: Positive  # [m] from the edge; single trees stand up to there
+    material: str = "canopy"
+
+
+class Beyond(Ruled):
+    """The land beyond the world's edge."""
+
+    material: str = "meadow"
+    materials: Mapping[str, Rule] = {}  # others: each covers those before it where its rule is above 0.5
+    hills: Distance = 9.0  # [m] at the horizon
+    fields: Mapping[str, Rule] = {}
+    land: Rule = Field(default=Expression("0"))  # height [m] that is added to the hills
+    canopy: Canopy | None = None
+    swarms: Mapping[str, FarPlants] = {}
+
+
+class FarFields:
+    """Values of the rules of the land at positions of any shape."""
+
+    def __init__(self, fields: Fields, beyond: Beyond) -> None:
+        self._fields, self._rules = fields, beyond.fields
+        self.known: dict[str, Callable[[Array, Array], Array]] = {}
+        """Further fields by name, as functions of x and y [m]."""
+
+    def at(self, rule: Expression, x: Array, y: Array, name: str = "") -> Array:
+        """Values of a rule at x, y [m]; ``name`` is that of which its waves have the seed."""
+        rng = rng_of(self._fields.seed, name)
+
+        def lookup(each: str) -> Array:
+            match each:
+                case "x" | "y":
+                    return x if each == "x" else y
+                case "beyond":
+                    return distance_beyond(self._fields.size, x, y)
+            if each in self.known:
+                return self.known[each](x, y)
+            if each in self._rules:
+                return self.at(self._rules[each], x, y, f"beyond.fields.{each}")
+            return self._fields.anywhere(each, np.stack([x.ravel(), y.ravel()], axis=-1)).reshape(x.shape)
+
+        drawn = {"waves": lambda shortest, longest: waves(float(shortest), float(longest), rng)(x, y)}
+        values = np.broadcast_to(rule.values(lookup, drawn), x.shape)
+        check_finite(rule, values.ravel(), np.stack([x.ravel(), y.ravel()], axis=-1))
+        return values
+
+
+def waves(shortest: float, longest: float, rng: np.random.Generator) -> Land:
+    """Noise of deviation 1 over all land: waves in random directions, of lengths between two bounds [m]."""
+    length, turn, phase = (rng.uniform(*pair, WAVES) for pair in ((shortest, longest), (0.0, 6.3), (0.0, 6.3)))
+    along_x, along_y = 2.0 * np.pi * np.cos(turn) / length, 2.0 * np.pi * np.sin(turn) / length
+
+    def noise(x: Array, y: Array) -> Array:
+        each = (np.cos(a * x + b * y + c) for a, b, c in zip(along_x, along_y, phase, strict=True))
+        return np.asarray(sum(each) / np.sqrt(WAVES / 2))
+
+    return noise
+
+
+def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> tuple[Mesh, Land]:
+    """Land around the world, as triangles and as heights [m]: hills, and behind the trees a canopy, if there is one."""
+    rng, size, roof, far = rng_of(fields.seed, "beyond"), builder.size, beyond.canopy, FarFields(fields, beyond)
+    names = [beyond.material, *([] if roof is None else [roof.material]), *beyond.materials]
+    if roof is None:
+        hills = rolling_hills(size, rng, height=beyond.hills)
+    else:
+        hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
+
+    def land(x: Array, y: Array) -> Array:
+        return hills(x, y) + far.at(beyond.land, x, y)
+
+    def cover(x: Array, y: Array, slope: Array) -> Index:
+        far.known = {"land": land, "slope": lambda *_: np.degrees(slope)}
+        chosen = np.zeros(len(x), np.intp)
+        if roof is not None:
+            chosen[distance_beyond(size, x, y) > roof.behind - 1.0] = 1
+        for name, rule in beyond.materials.items():
+            chosen[far.at(rule, x, y) > 0.5] = names.index(name)
+        return chosen
+
+    return make_backdrop(builder.field, size, names, rng, land=land, cover=cover), land
+
+
+def swarms_beyond(
+    builder: WorldBuilder, fields: Fields, config: Any, beyond: Beyond, made: tuple[Mesh, Land]
+) -> list[FarSwarm]:
+    """Scatter the swarms of the land ``made``."""
+    backdrop, land = made
+    far, size = FarFields(fields, beyond), config.size
+    joined, swarms = height_beyond(builder.field, size, backdrop), []
+    far.known = {"land": land}
+    for name, layer in beyond.swarms.items():
+        spec = specified(name, layer, grown(fields, layer.group, config), layer.per_m2)
+        ground = joined if layer.within <= JOINED else land
+        chance = None if layer.where.text == "1" else lambda xy, rule=layer.where: far.at(rule, *xy.T)
+        own: dict[str, Any] = {"within": layer.within, "margin": layer.margin, "density": chance}
+        swarms.append(scatter_beyond(size, ground, spec, rng_of(fields.seed, f"beyond.{name}"), **own))
+    return swarms

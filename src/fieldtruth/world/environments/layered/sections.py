@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of an environment's file that others are made of: rules, and layers of objects."""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field, PlainValidator
+
+from fieldtruth.experiment.fields import Frozen, Number
+from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.fields import Fields
+from fieldtruth.world.placement import WorldBuilder
+
+Rule = Annotated[Expression, PlainValidator(Expression)]
+Distance = Annotated[Number, Field(ge=0)]
+
+
+class Ruled(Frozen):
+    """A part with rules."""
+
+    def rules(self) -> Iterator[tuple[str, Expression]]:
+        """Yield its rules by their keys."""
+        for key in type(self).model_fields:
+            if isinstance(rule := getattr(self, key), Expression):
+                yield key, rule
+
+
+class Layer(Ruled):
+    """Objects of a kind, by rules of its type; its name is a key of the layout."""
+
+    type: str = "objects"
+    kind: str = ""  # by default the layer's name
+
+    @abstractmethod
+    def layout(self) -> tuple[Any, Any]:
+        """Type and default of its key of the layout."""
+
+    @abstractmethod
+    def place(self, builder: WorldBuilder, fields: Fields, config: Any, name: str) -> None:
+        """Place the objects, as many as ``config`` says under ``name``, and set ``fields.near``.
+
+        Raises:
+            CrowdedWorldError: there are more than fit into the world.
+        """
+
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups of plants and rocks that it needs."""
+        return ()
