@@ -82,6 +82,32 @@ def test_a_species_that_is_not_listed_is_as_high_as_it_can_be() -> None:
     assert [mesh.vertices[:, 2].max() for mesh in meshes] == pytest.approx([highest] * 3, rel=0.05)
 
 
+def test_a_group_is_counted_by_a_key_of_the_layout_and_smaller_individuals_have_fewer_leaves(tmp_path: Path) -> None:
+    path = tmp_path / "meadow.yaml"
+    tree = "form: tree, heights: 2.2, species: {beech: 2.2}"
+    path.write_text(
+        f"groups:\n  whole: {{{tree}, name: 'w_{{k}}', count: few, solid: false}}\n"
+        f"  small: {{{tree}, name: 's_{{k}}', count: few, scaled: [0.7, 0.9]}}\n"
+    )
+    PLANTINGS.add(path)
+    try:
+        planter = Planter("meadow", {}, {"few": 3})
+        whole, small = (planter.grow(group, np.random.default_rng(0)) for group in ("whole", "small"))
+    finally:
+        PLANTINGS.remove("meadow")
+    assert not any(mesh.colliders for mesh in (*whole, *small))
+    heights = [np.mean([mesh.vertices[:, 2].max() for mesh in meshes]) for meshes in (whole, small)]
+    assert len(whole) == len(small) == 3
+    assert 0.7 < heights[1] / heights[0] < 0.9
+    assert small[0].vertices[:, 2].max() / small[2].vertices[:, 2].max() == pytest.approx(7 / 9, rel=0.1)
+    sides = []
+    for mesh in (whole[0], small[0]):  # of the leaves, whose materials follow that of the bark
+        corner = mesh.vertices[mesh.faces[mesh.material > 0]].astype(np.float64)
+        area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1) / 2
+        sides.append(np.sqrt(area.mean()))
+    assert sides[1] == pytest.approx(sides[0], rel=0.1)  # 0.7 times as long if all were smaller
+
+
 @pytest.mark.parametrize("environment", PLANTINGS)
 def test_every_group_grows(environment: str) -> None:
     for group in PLANTINGS[environment].groups:

@@ -9,9 +9,10 @@ grow. The key ``plants`` of a layout names other species for a group.
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
@@ -44,6 +45,8 @@ _GROW: Final[Mapping[str, Callable[..., Mesh]]] = {
     "log": lambda kind, height, **own: grow_log(kind, length=height, **own),
     "stump": lambda kind, height, **own: grow_stump(kind, radius=height, **own),
 }  # fmt: skip
+_DEAD: Final = ("snag", "log", "stump")
+"""Forms whose heights are not those of living plants."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +64,8 @@ class PlantGroup:
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
     even: bool = False  # heights in equal steps, of rocks ratios, from the least to the greatest, not random ones
-    count: int = 1  # individuals of each species, or clumps
+    count: int | str = 1  # individuals of each species, or clumps; or the key of the layout that has their number
+    scaled: tuple[float, float] | None = None  # least and greatest scale of individuals that are smaller than they grow
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
     grown_in: GrownIn = "open"  # trees
@@ -72,7 +76,7 @@ class PlantGroup:
     size: float = 0.5  # of the first clump, as in ``grow_clump``
     larger: float = 0.0  # by which each further clump is larger
     triangles: int = 720  # of a rock
-    solid: bool = True  # rocks with colliders
+    solid: bool = True  # with colliders
 
     def value(self, species: str) -> Heights:
         """Heights of a species, or its share of a clump."""
@@ -132,11 +136,16 @@ def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
 
 
 class Planter:
-    """Grows an environment's plants; ``plants`` are species by group, instead of the usual ones."""
+    """Grows an environment's plants; ``plants`` are species by group, instead of the usual ones.
 
-    def __init__(self, environment: str, plants: Mapping[str, Sequence[str]]) -> None:
+    ``numbers`` are those of the layout, by which groups may be counted.
+    """
+
+    def __init__(
+        self, environment: str, plants: Mapping[str, Sequence[str]], numbers: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
         self._planting = PLANTINGS[environment]
-        self._plants = plants
+        self._plants, self._numbers = plants, numbers
 
     def species(self, group: str) -> tuple[str, ...]:
         """Names of a group's species."""
@@ -148,7 +157,8 @@ class Planter:
     ) -> list[Mesh]:
         """Grow the individuals of a group, or of some species in it."""
         form, names = self._planting.groups[group], tuple(species if species is not None else self.species(group))
-        numbers = range(form.count if count is None else count)
+        total = self.count(group) if count is None else count
+        numbers = range(total)
         if form.form == "clump":
             shares = {GRASSES[name]: float(np.mean(form.value(name))) for name in names}
             own: dict[str, Any] = {"radius": form.radius, "per_m2": form.per_m2, "rng": rng, "detail": form.detail}
@@ -158,10 +168,15 @@ class Planter:
             own = {"radius": form.radius, "count": tufts_in(form.per_m2, form.radius), "rng": rng}
             return [grow_twigs(name=form.name.format(k=k), **own) for k in numbers]
         if form.mixed:
-            return [self.individual(group, name, k, rng, count) for k, name in enumerate(names)]
+            return [self.individual(group, name, k, rng, len(names)) for k, name in enumerate(names)]
         if form.in_turn:
-            return [self.individual(group, name, k, rng, count) for k in numbers for name in names]
-        return [self.individual(group, name, k, rng, count) for name in names for k in numbers]
+            return [self.individual(group, name, k, rng, total) for k in numbers for name in names]
+        return [self.individual(group, name, k, rng, total) for name in names for k in numbers]
+
+    def count(self, group: str) -> int:
+        """Count the individuals of each species of a group."""
+        count = self._planting.groups[group].count
+        return int(self._numbers[count]) if isinstance(count, str) else count
 
     def tufts(self, group: str) -> int:
         """Count the tufts in a clump of a group."""
@@ -172,28 +187,30 @@ class Planter:
     ) -> Mesh:
         """Grow one individual; draws its height unless that is fixed or one of ``count`` equal steps."""
         form, heights = self._planting.groups[group], self._planting.groups[group].value(species)
-        kind = _LIBRARIES[form.form][species]
+        kind, total = _LIBRARIES[form.form][species], self.count(group) if count is None else count
         if not isinstance(heights, tuple):
             height = heights
         elif form.even:
             steps = np.geomspace if form.form == "rock" else np.linspace
-            height = float(steps(*heights, form.count if count is None else count)[number])
+            height = float(steps(*heights, total)[number])
         else:
             height = float(rng.uniform(*heights))
         name = form.name.format(species=species, k=number)
         if form.form == "rock":
             return make_rock(kind, name=name, size=height, rng=rng, triangles=form.triangles, solid=form.solid)
         height *= kind.grown.height if form.relative else 1.0
-        if species not in form.species and form.form not in (
-            "log",
-            "stump",
-        ):  # as high as others of the group, as far as it can be
+        if species not in form.species and form.form not in _DEAD:  # as high as the others, as far as it can be
             low, high = heights_of(kind, height, form.grown_in)
             height = min(max(height, low), high)
         own: dict[str, Any] = {"grown_in": form.grown_in} if form.form == "tree" else {}
         if form.form == "log":
             own["radius"] = form.radius * float(rng.uniform(0.5, 1.0))
-        return _GROW[form.form](kind, name=name, height=height, rng=rng, detail=form.detail, **own)
+        scale = 1.0 if form.scaled is None else float(np.geomspace(*form.scaled, total)[number])
+        own["detail"] = form.detail * scale**2  # as many leaves as have their real size in it
+        mesh = _GROW[form.form](kind, name=name, height=height, rng=rng, **own)
+        if form.scaled is not None:
+            mesh = replace(mesh, vertices=np.float32(scale) * mesh.vertices, footprint=scale * mesh.footprint)
+        return mesh if form.solid and form.scaled is None else replace(mesh, colliders=())
 
     def swarm(
         self, name: str, meshes: Sequence[Mesh], *, form: str | None = None, per_m2: float | None = None
@@ -310,7 +327,7 @@ class GroundConfig(ClassesConfig):
     @property
     def planter(self) -> Planter:
         """Grows the plants of the environment, of the species that this layout names."""
-        return Planter(self.environment, self.plants)
+        return Planter(self.environment, self.plants, dict(self))
 
     def roughness_of(self, ground: str) -> Roughness:
         """Roughness of a ground type in this layout."""
