@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
@@ -17,6 +16,7 @@ from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.trees import crowns, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -27,17 +27,14 @@ from fieldtruth.world.grids import (
     make_heightfield,
     make_raster,
     make_trails,
-    under_circles,
 )
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Instance, Mesh, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
-CANOPY: Final = 0.8
-"""Distance [m] over which a crown's share of the ground fades at its rim."""
 TRAIL: Final = Expression("trail")
 BEYOND: Final = 60.0
 """Distance [m] to which water goes on beyond the edge."""
@@ -57,9 +54,8 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
-    for name, layer in description.objects.items():
-        layer.place(builder, fields, config, name)
-    fields.crown = crowns(builder, fields.nodes)
+    place_objects(builder, fields, config, description)
+    fields.crowns = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
     land = make_land_beyond(builder, fields, description.beyond)
@@ -76,6 +72,19 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     )
 
 
+def place_objects(builder: WorldBuilder, fields: Fields, config: Any, description: Description) -> None:
+    """Place the objects of all layers in turn; the ground is raised over roots when the last of them are there."""
+    rooted, missing = list[Instance](), set(description.roots)
+    for name, layer in description.objects.items():
+        first = len(builder.instances)
+        layer.place(builder, fields, config, name)
+        if name in missing:
+            rooted += builder.instances[first:]
+            missing.remove(name)
+            if not missing:
+                raise_roots(builder, rooted, rng_of(fields.seed, "roots"))
+
+
 def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
     trails = make_trails(config.trails, config.trail_width) if description.trails else []
     lines = {
@@ -84,6 +93,7 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     }
     nodes = grid_axes(config.size, hills_spacing(config.size))
     parameters = {name: float(getattr(config, name)) for name in description.parameters}
+    parameters |= {"trail_width": trails[0].width if trails else 0.0, "spacing": float(nodes[0][1] - nodes[0][0])}
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
@@ -94,11 +104,6 @@ def shape(fields: Fields, description: Description) -> Array:
         fields.height, key = height, f"relief.{name}"
         height = height + fields.draw(layer, key) if isinstance(layer, Expression) else layer.apply(fields, key)
     return height
-
-
-def constant(fields: Fields, rule: Expression) -> float:
-    """Value of a rule of parameters."""
-    return float(fields.at(rule, np.zeros((1, 2)))[0])
 
 
 def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
@@ -112,7 +117,7 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = level = constant(fields, description.water.level)
+    fields.water = level = fields.constant(description.water.level)
     x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
     return [(make_flat_sheet("water", x, y), level)]
 
@@ -158,21 +163,5 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
         ground_materials=tuple(shares),
         trail_material=trail.material,
         border_material=trail.border,
-        border_width=constant(fields, trail.border_width),
+        border_width=fields.constant(trail.border_width),
     )
-
-
-def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
-    """Share to which nodes are below crowns of trees and bushes."""
-    radii = {name: _crown(builder, mesh) for name, mesh in builder.meshes.items()}
-    poses = [(radii[each.mesh], each.world_from_object) for each in builder.instances if radii[each.mesh] > 0]
-    circles = [(*pose[:2, 3].tolist(), radius * float(np.linalg.norm(pose[:3, 0]))) for radius, pose in poses]
-    return make_raster(under_circles(circles, axes, CANOPY), float(axes[0][1] - axes[0][0]), *axes)
-
-
-def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
-    """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
-    materials = [builder.materials.get(name) or MATERIALS[name] for name in mesh.materials]
-    leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
-    faces = mesh.faces[np.isin(mesh.material, leafy)]
-    return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0

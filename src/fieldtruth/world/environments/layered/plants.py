@@ -4,12 +4,13 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any, Final
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.fields import Positive
+from fieldtruth.experiment.fields import Boolean, Positive
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.positions import Rows, in_rows
@@ -18,13 +19,26 @@ from fieldtruth.world.environments.layout import Density, Share
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec, WorldBuilder
 
+DENSEST: Final = 20.0
+"""Greatest density [1/m^2] of a swarm."""
+
+
+def _density(given: Any) -> float | Expression:
+    """Return the density that a number or a rule gives; raises ValueError."""
+    if isinstance(given, str):
+        return Expression(given)
+    if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given <= DENSEST:
+        raise ValueError(f"must be a number between 0 and {DENSEST:g}, or a rule of parameters, got {given!r}")
+    return float(given)
+
 
 class Plants(Ruled):
     """A swarm of plants or stones; keys as of ``placement.SwarmForm``."""
 
     group: str
     kind: str
-    per_m2: Density = 1.0
+    per_m2: Annotated[float | Expression, PlainValidator(_density)] = 1.0  # a rule of parameters is no key of layouts
+    mean: Boolean = False  # it is what ``where`` leaves in the mean over the world
     rows: Rows | None = None  # instead of a density
     where: Rule = Field(default=Expression("1"))
     scales: tuple[Positive, Positive] = (0.8, 1.25)
@@ -65,10 +79,21 @@ def grown(fields: Fields, group: str, config: Any) -> list[Mesh]:
     return fields.meshes[group]
 
 
+def _per_m2(fields: Fields, layer: Plants, given: float | None) -> float:
+    """Density before it is thinned; ``given`` is that of the layout."""
+    wanted = fields.constant(layer.per_m2) if isinstance(layer.per_m2, Expression) else given
+    assert wanted is not None
+    if layer.mean:
+        axes = [np.arange(-side / 2 + 0.5, side / 2, 1.0) for side in fields.size]
+        wanted /= max(float(fields.on(layer.where, (axes[0], axes[1])).clip(0, 1).mean()), 1e-3)
+    return min(max(wanted, 0.0), DENSEST)
+
+
 def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any, layers: Mapping[str, Plants]) -> None:
     """Scatter the swarms of all layers."""
     for name, layer in layers.items():
-        rng, amount = rng_of(fields.seed, f"plants.{name}"), getattr(config, name)
+        rng, given = rng_of(fields.seed, f"plants.{name}"), getattr(config, name, None)
+        amount = _per_m2(fields, layer, given) if layer.rows is None else given
         if not amount:
             continue
         meshes = grown(fields, layer.group, config)
