@@ -316,7 +316,7 @@ def test_a_layer_of_objects_is_a_distance_for_what_follows(tmp_path: Path) -> No
     swarms = {each.name: each.world_from_object[:, :2, 3] for each in world.swarms}
 
     def away(xy: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(xy[:, None] - posts, axis=2).min(axis=1)
+        return np.asarray(np.linalg.norm(xy[:, None] - posts, axis=2).min(axis=1))
 
     assert 1.5 < away(swarms["grass"]).max() < 2
     assert 9 < away(swarms["far"]).min() < 11
