@@ -168,7 +168,7 @@ def test_pits_and_mounds_are_as_many_as_said_where_they_may_be(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("mixture: woods", "mixture: wood", "groups.tree: unknown mixture 'wood'; did you mean 'woods'"),
+        ("mixture: woods", "mixture: wood", "groups.tree.mixture: unknown mixture 'wood'; did you mean 'woods'"),
         ("oak: 0.1", "palm: 0.1", "mixtures.woods: unknown species 'palm'"),
         ("{spruce: 0.6, beech: 0.3, oak: 0.1}", "{oak: 0}", "mixtures.woods: at least one share must be above 0"),
         ("count: 2, detail: 0.1", "count: few, detail: 0.1", "groups.tree.*: unknown .* 'few'"),

@@ -81,10 +81,20 @@ class Parameter(Frozen):
     value: Number
     low: Number | None = None
     high: Number | None = None
+    integer: Boolean = False
+
+    @model_validator(mode="after")
+    def _is_integer(self) -> Self:
+        if self.integer and any(each is not None and each % 1 for each in (self.value, self.low, self.high)):
+            raise ValueError("value, low and high of an integer must be integers")
+        return self
 
     def layout(self) -> tuple[Any, float]:
         """Type and default of its key of the layout."""
-        return Annotated[Number, Field(ge=self.low, le=self.high)], self.value
+        low, high = (int(end) if self.integer and end is not None else end for end in (self.low, self.high))
+        if self.integer:
+            return Annotated[Integer, Field(ge=low, le=high)], int(self.value)
+        return Annotated[Number, Field(ge=low, le=high)], self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -271,17 +281,18 @@ def _described(name: str, content: Entry, path: Path) -> Description:
 def _check_groups(groups: Mapping[str, PlantGroup], description: Description, path: Path) -> None:
     """Check the keys of the layout that groups of plants name, and the species of mixtures."""
     for key, group in groups.items():
-        for what, name, known in (
-            ("parameter", group.count if isinstance(group.count, str) else "", description.parameters),
-            ("mixture", group.mixture, description.mixtures),
-        ):
-            if name and name not in known:
-                raise ConfigurationError(f"{path}: groups.{key}: unknown {what} {name!r}; {suggestion(name, known)}")
-        if group.mixture:
-            try:
-                check_shares(group, description.mixtures[group.mixture])
-            except ValueError as error:
-                raise ConfigurationError(f"{path}: mixtures.{group.mixture}: {error}") from error
+        at = f"groups.{key}.count"
+        try:
+            if isinstance(group.count, str):
+                Expression(group.count).check(set(description.parameters))
+            at, known = f"groups.{key}.mixture", description.mixtures
+            if group.mixture and group.mixture not in known:
+                raise ValueError(f"unknown mixture {group.mixture!r}; {suggestion(group.mixture, known)}")
+            at = f"mixtures.{group.mixture}"
+            if group.mixture:
+                check_shares(group, known[group.mixture])
+        except ValueError as error:
+            raise ConfigurationError(f"{path}: {at}: {error}") from error
 
 
 def _mixture(environment: str, name: str, shares: Mapping[str, float]) -> Mapping[str, float]:
