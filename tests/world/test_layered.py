@@ -387,6 +387,8 @@ def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules
         ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
         ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
         ("litter_amount: 0", "seasonal: {winter: {grass: [wheet]}}", "seasonal.winter: grass: unknown species 'wheet'"),
+        ("{oak: [3, 4]}", "{oak: [3, 4]}, count: 2 * few", "groups.tree.count: unknown field 'few'"),
+        ("litter_amount: 0", "parameters: {few: {value: 1.5, integer: true}}", "parameters.few: .* must be integers"),
         ("litter_amount: 0", "season: wintr", "unknown season 'wintr'; did you mean 'winter'"),
     ],
 )
@@ -494,3 +496,15 @@ def test_the_page_on_layers_names_every_section_field_and_function() -> None:
         *PLACE,
         *Beyond.model_fields,
     } <= words
+
+
+def test_groups_may_be_counted_by_an_integer_of_the_layout(tmp_path: Path) -> None:
+    text = TEXT.replace("{oak: [3, 4]}", '{oak: [3, 4]}, count: "min(few + 1, 4)"').replace(
+        "litter_amount: 0", "litter_amount: 0\nparameters: {few: {value: 2, low: 1, high: 9, integer: true}}"
+    )
+    with environment(tmp_path / "counted.yaml", text) as name:
+        for layout, trees in (({}, 3), ({"few": 1}, 2), ({"few": 9}, 4)):
+            world = build_world(name, 3, {"size": [24, 16], "stones": 0, "grass": 0, **layout})
+            assert {each.mesh for each in of_kind(world, "row_trees")} == {f"tree_oak_{k}" for k in range(trees)}
+        with pytest.raises(ConfigurationError, match=r"layout: few must be an integer between 1 and 9, got 1\.5"):
+            build_world(name, 3, {"few": 1.5})

@@ -21,6 +21,7 @@ from pydantic import Field, field_validator, model_validator
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Integer, Number, Positive
 from fieldtruth.world.classes import ClassesConfig
+from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
@@ -64,7 +65,7 @@ class PlantGroup:
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
     even: bool = False  # heights in equal steps, of rocks ratios, from the least to the greatest, not random ones
-    count: int | str = 1  # individuals of each species, or clumps; or the key of the layout that has their number
+    count: int | str = 1  # individuals of each species, or clumps; or a rule of the layout's numbers, ``2 * few``
     scaled: tuple[float, float] | None = None  # least and greatest scale of individuals that are smaller than they grow
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
@@ -176,7 +177,9 @@ class Planter:
     def count(self, group: str) -> int:
         """Count the individuals of each species of a group."""
         count = self._planting.groups[group].count
-        return int(self._numbers[count]) if isinstance(count, str) else count
+        if isinstance(count, str):
+            return max(1, round(float(Expression(count).values(lambda name: np.array(self._numbers[name])))))
+        return count
 
     def tufts(self, group: str) -> int:
         """Count the tufts in a clump of a group."""

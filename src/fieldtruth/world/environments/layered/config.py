@@ -69,10 +69,20 @@ class Parameter(Frozen):
     value: Number
     low: Number | None = None
     high: Number | None = None
+    integer: Boolean = False
+
+    @model_validator(mode="after")
+    def _is_integer(self) -> Self:
+        if self.integer and any(each is not None and each % 1 for each in (self.value, self.low, self.high)):
+            raise ValueError("value, low and high of an integer must be integers")
+        return self
 
     def layout(self) -> tuple[Any, float]:
         """Type and default of its key of the layout."""
-        return Annotated[Number, Field(ge=self.low, le=self.high)], self.value
+        low, high = (int(end) if self.integer and end is not None else end for end in (self.low, self.high))
+        if self.integer:
+            return Annotated[Integer, Field(ge=low, le=high)], int(self.value)
+        return Annotated[Number, Field(ge=low, le=high)], self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -241,6 +251,12 @@ def _described(name: str, content: Entry, path: Path) -> Description:
         except ValueError as error:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
+    for key, form in groups.items():
+        if isinstance(form.count, str):
+            try:
+                Expression(form.count).check(set(description.parameters))
+            except ValueError as error:
+                raise ConfigurationError(f"{path}: groups.{key}.count: {error}") from error
     named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
     named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
     named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
