@@ -24,12 +24,13 @@ from pydantic import (
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
+from fieldtruth.world.environments.layered.beds import Beds
 from fieldtruth.world.environments.layered.expressions import DRAWN, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
-from fieldtruth.world.environments.layered.sections import Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
@@ -56,9 +57,10 @@ corridor, and to the world's edge."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
-LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "above_water"})
+LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "foot", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, of all or of those with needles or
-leaves, 0 before there are any, and height [m] of the ground above the water, large where it is dry."""
+leaves, 0 before there are any, distance [m] to the nearest of their trunks, posts and legs, and height [m] of the
+ground above the water, large where it is dry."""
 
 
 class TrailSurface(Ruled):
@@ -67,6 +69,7 @@ class TrailSurface(Ruled):
     material: str = "path"
     border: str = "path_edge"
     border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
+    ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
 
 
 class Water(Ruled):
@@ -81,6 +84,7 @@ class Parameter(Frozen):
     value: Number
     low: Number | None = None
     high: Number | None = None
+    above: Number | None = None
     integer: Boolean = False
 
     @model_validator(mode="after")
@@ -94,7 +98,7 @@ class Parameter(Frozen):
         low, high = (int(end) if self.integer and end is not None else end for end in (self.low, self.high))
         if self.integer:
             return Annotated[Integer, Field(ge=low, le=high)], int(self.value)
-        return Annotated[Number, Field(ge=low, le=high)], self.value
+        return Annotated[Number, Field(ge=low, le=high, gt=self.above)], self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -112,7 +116,7 @@ def _layer(given: Any) -> Layer:
         raise PartError(LAYERS[kind], report) from report
 
 
-LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects}
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds}
 """Types of the layers of objects."""
 
 
@@ -168,12 +172,22 @@ class Description(Frozen):
         for key, layer in self.objects.items():
             if isinstance(layer, Objects):
                 _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
+        for key, swarm in self.beyond.swarms.items():
+            _check_along(f"beyond.swarms.{key}.along", swarm.along, (), ())
+        self._check_beside()
         for key, rule, known, drawn in self._rules():
             try:
                 rule.check(known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
+
+    def _check_beside(self) -> None:
+        earlier: list[str] = []
+        for key, layer in self.objects.items():
+            if isinstance(layer, Objects) and layer.beside is not None and layer.beside.layer not in earlier:
+                raise ValueError(f"objects.{key}.beside: unknown layer before it: {layer.beside.layer!r}")
+            earlier.append(key)
 
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
@@ -216,8 +230,8 @@ class Description(Frozen):
         if self.puddles is not None:
             yield from ((f"puddles.{key}", rule, known, set()) for key, rule in self.puddles.rules())
         for key, layer in self.objects.items():
+            objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
-            objects.add(key)
         yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
         for key, plants in self.plants.items():
             for name, rule in plants.rules():
@@ -228,13 +242,14 @@ class Description(Frozen):
         self, numbers: Set[str], objects: Set[str]
     ) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
         place = PLACE | numbers | set(self.beyond.fields)
+        late = objects | {"land", "trail"}
         yield from ((f"beyond.fields.{key}", rule, place, {"waves"}) for key, rule in self.beyond.fields.items())
-        yield "beyond.land", self.beyond.land, place, set()
+        yield from ((f"beyond.{key}", rule, place, set()) for key, rule in self.beyond.rules())
         for key, rule in self.beyond.materials.items():
             yield f"beyond.materials.{key}", rule, place | {"land", "slope"}, set()
         for key, swarm in self.beyond.swarms.items():
             for name, rule in swarm.rules():
-                yield f"beyond.swarms.{key}.{name}", rule, place | objects | {"land"}, set()
+                yield f"beyond.swarms.{key}.{name}", rule, place | late, set()
 
     def _is_shaped(self, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Return True if a field follows from the relief; raises ValueError where fields follow from each other."""
@@ -269,10 +284,12 @@ def _described(name: str, content: Entry, path: Path) -> Description:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
     _check_groups(groups, description, path)
-    named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
-    named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
-    named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
-    for key, group in named.items():
+    named = [(f"objects.{key}", group) for key, layer in description.objects.items() for group in layer.groups()]
+    named += [(f"plants.{key}", group) for key, plants in description.plants.items() for group in plants.group]
+    named += [
+        (f"beyond.swarms.{key}", group) for key, each in description.beyond.swarms.items() for group in each.group
+    ]
+    for key, group in named:
         if group not in groups:
             raise ConfigurationError(f"{path}: {key}: unknown group {group!r}; {suggestion(group, groups)}")
     return description
@@ -312,7 +329,7 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season), "beyond": (Boolean, True),
+        "size": (Size, description.size), "season": (str, description.season), "beyond": description.beyond.layout(),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}

@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.expressions import Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.model import Instance, Mesh, Raster, water_at
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
 
@@ -54,18 +54,24 @@ class Fields:
     """Individuals of the groups that are grown."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
+    """Objects of those layers."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
-        return self._values(rule, xy, {})
+        return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+        return self.over(axes)(rule)
+
+    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+        """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
+        xy, cache = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), dict[str, Array]()
+        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -92,7 +98,7 @@ class Fields:
 
         xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
-        return self._values(rule, xy, drawn).reshape(shape)
+        return self._values(rule, xy, drawn, {}).reshape(shape)
 
     def constant(self, rule: Expression) -> float:
         """Value of a rule of parameters."""
@@ -109,9 +115,7 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
-        cache: dict[str, Array] = {}
-
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
         def lookup(name: str) -> Array:
             if name not in cache:
                 cache[name] = self._known(name, xy, lookup)
