@@ -21,6 +21,7 @@ from pydantic import Field, field_validator, model_validator
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Integer, Number, Positive
 from fieldtruth.world.classes import ClassesConfig
+from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.grids import BUILT_IN, Line, coarseness
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.materials import ISO_CLASSES, Roughness, roughness_of
@@ -64,7 +65,7 @@ class PlantGroup:
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
     even: bool = False  # heights in equal steps, of rocks ratios, from the least to the greatest, not random ones
-    count: int | str = 1  # individuals of each species, or clumps; or the key of the layout that has their number
+    count: int | str = 1  # individuals of each species, or clumps: a number, or a rule of keys of the layout
     scaled: tuple[float, float] | None = None  # least and greatest scale of individuals that are smaller than they grow
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
@@ -176,7 +177,7 @@ class Planter:
     def count(self, group: str) -> int:
         """Count the individuals of each species of a group."""
         count = self._planting.groups[group].count
-        return int(self._numbers[count]) if isinstance(count, str) else count
+        return int(Expression(count).values(lambda name: np.asarray(self._numbers[name])))
 
     def tufts(self, group: str) -> int:
         """Count the tufts in a clump of a group."""
@@ -226,9 +227,10 @@ MOST: Final = 400
 """Objects of a kind in a built-in world, or in a smaller one, at most; larger ones have as many to the hectare."""
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
 Spacing = Annotated[Number, Field(ge=0.01, le=1)]
-Count = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "area"]
+_NUMBER: Final = Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare")
+Count = Annotated[Integer, _NUMBER, "area"]
 """Of objects; where it is not given it grows with the world's area."""
-ShoreCount = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "shore"]
+LengthCount = Annotated[Integer, _NUMBER, "length"]
 """Of objects along a line across the world, along x; where it is not given it grows with the world's length."""
 Density = Annotated[Number, Field(ge=0, le=20)]
 Individuals = Annotated[Integer, Field(ge=1, le=32)]
@@ -309,7 +311,7 @@ class GroundConfig(ClassesConfig):
         longer = self.size[0] / self.counted_in[0]
         changes: dict[str, Any] = {"grid": self.spacing}
         for name, by in self._counts().items():
-            changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger(self.counted_in)))
+            changes[name] = round(getattr(self, name) * (longer if by == "length" else self._larger(self.counted_in)))
         if lines := getattr(self, "trails", ()):
             changes["trails"] = network(lines, self.size, self.counted_in)
         return self.model_copy(update={k: v for k, v in changes.items() if k not in self.model_fields_set})
@@ -321,7 +323,7 @@ class GroundConfig(ClassesConfig):
     @classmethod
     def _counts(cls) -> dict[str, str]:
         """Names of the counts, with what they grow with."""
-        grow = {name: [m for m in info.metadata if m in ("area", "shore")] for name, info in cls.model_fields.items()}
+        grow = {name: [m for m in info.metadata if m in ("area", "length")] for name, info in cls.model_fields.items()}
         return {name: found[0] for name, found in grow.items() if found}
 
     @property

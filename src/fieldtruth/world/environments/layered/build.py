@@ -3,6 +3,7 @@
 """A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
 from fieldtruth.world.environments.layout import hills_spacing, network
@@ -39,8 +40,10 @@ from fieldtruth.world.water import add_water, make_flat_sheet
 CANOPY: Final = 0.8
 """Distance [m] over which a crown's share of the ground fades at its rim."""
 TRAIL: Final = Expression("trail")
-BEYOND: Final = 60.0
-"""Distance [m] to which water goes on beyond the edge."""
+MESHES: Final = 13
+"""Nodes along each side of a sheet of water at least."""
+WIDE: Final = 75.0
+"""Distance [m] between them at most."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -57,12 +60,16 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
+    if description.water is not None:
+        builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
+    land = make_land_beyond(builder, fields, description.beyond)
+    fields.ground = ground_height(builder, land)
     for name, layer in description.objects.items():
         layer.place(builder, fields, config, name)
     fields.crown = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    land = make_land_beyond(builder, fields, description.beyond)
+    far = swarms_beyond(builder, fields, config, description.beyond, land)
     return assemble(
         builder,
         terrain,
@@ -70,7 +77,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
         backdrop=land[0],
-        beyond=swarms_beyond(builder, fields, config, description.beyond, land),
+        beyond=[*fields.far, *far],
         litter=config.litter,
         objects=config.objects,
     )
@@ -96,11 +103,6 @@ def shape(fields: Fields, description: Description) -> Array:
     return height
 
 
-def constant(fields: Fields, rule: Expression) -> float:
-    """Value of a rule of parameters."""
-    return float(fields.at(rule, np.zeros((1, 2)))[0])
-
-
 def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
     """Set the level of the water, and dig its puddles; return its sheets with their heights [m]."""
     if description.puddles is not None:
@@ -112,9 +114,11 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = level = constant(fields, description.water.level)
-    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
-    return [(make_flat_sheet("water", x, y), level)]
+    water = description.water
+    fields.water = level = fields.constant(water.level)
+    reach = [s / 2 + water.beyond for s in fields.size]
+    x, y = (np.linspace(-half, half, max(MESHES, round(2 * half / WIDE))) for half in reach)
+    return [(make_flat_sheet(water.name, x, y), level)]
 
 
 def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dict[str, Array]:
@@ -158,7 +162,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
         ground_materials=tuple(shares),
         trail_material=trail.material,
         border_material=trail.border,
-        border_width=constant(fields, trail.border_width),
+        border_width=fields.constant(trail.border_width),
     )
 
 

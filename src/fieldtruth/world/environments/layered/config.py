@@ -16,19 +16,18 @@ from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, cr
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
-from fieldtruth.world.environments.layered.expressions import DRAWN, Expression
+from fieldtruth.world.environments.layered.expressions import DRAWN, Constant, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
-from fieldtruth.world.environments.layered.sections import Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.power_line import PowerLine
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
     PLANTINGS,
-    Density,
     GroundConfig,
-    Share,
     Size,
     Trails,
     check_plants,
@@ -41,6 +40,8 @@ from fieldtruth.world.seasons import SUMMER, seasons
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
+HIDDEN: Final = frozenset({"edge"})
+"""Those of them that a parameter may hide."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
@@ -54,13 +55,15 @@ class TrailSurface(Ruled):
 
     material: str = "path"
     border: str = "path_edge"
-    border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
+    border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
 
 
 class Water(Ruled):
     """Water of one level over all ground that is lower."""
 
-    level: Rule  # [m], of parameters
+    level: Amount  # [m]
+    name: str = "water"
+    beyond: Distance = 60.0  # [m] from the edge, to which it goes on
 
 
 class Parameter(Frozen):
@@ -68,11 +71,16 @@ class Parameter(Frozen):
 
     value: Number
     low: Number | None = None
+    above: Number | None = None  # instead: it is larger than that
     high: Number | None = None
+    whole: Boolean = False  # a number of things
 
     def layout(self) -> tuple[Any, float]:
         """Type and default of its key of the layout."""
-        return Annotated[Number, Field(ge=self.low, le=self.high)], self.value
+        given = {"ge": self.low, "gt": self.above, "le": self.high}
+        limits: dict[str, Any] = {key: int(v) if v.is_integer() else v for key, v in given.items() if v is not None}
+        kind = Integer if self.whole else Number
+        return Annotated[kind, Field(**limits)], int(self.value) if self.whole else self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -90,7 +98,7 @@ def _layer(given: Any) -> Layer:
         raise PartError(LAYERS[kind], report) from report
 
 
-LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects}
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "power_line": PowerLine}
 """Types of the layers of objects."""
 
 
@@ -144,7 +152,7 @@ class Description(Frozen):
                 _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
         for key, rule, known, drawn in self._rules():
             try:
-                rule.check(known, drawn)
+                rule.check(set(self.parameters) if isinstance(rule, Constant) else known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
@@ -152,9 +160,11 @@ class Description(Frozen):
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
         layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
-        fields, swarms = {*FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        known, swarms = {*FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        fields = known | set(self.parameters)
         for section, names, taken in (
-            ("parameters", self.parameters, fields), ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("parameters", self.parameters, known - HIDDEN),
+            ("lines", self.lines, fields), ("fields", self.fields, fields),
             ("beyond.fields", self.beyond.fields, fields), ("objects", self.objects, fields),
             ("parameters", self.parameters, layers),
             ("objects", self.objects, layers), ("plants", self.plants, layers),
@@ -185,10 +195,9 @@ class Description(Frozen):
         for key, step in self.relief.items():
             for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
                 yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
-        yield from ((f"water.{key}", rule, numbers, set()) for key, rule in (self.water.rules() if self.water else ()))
-        yield from ((f"trail.{key}", rule, numbers, set()) for key, rule in self.trail.rules())
-        if self.puddles is not None:
-            yield from ((f"puddles.{key}", rule, known, set()) for key, rule in self.puddles.rules())
+        for section in ("water", "trail", "puddles"):
+            part: Ruled | None = getattr(self, section)
+            yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
             objects.add(key)
@@ -241,6 +250,11 @@ def _described(name: str, content: Entry, path: Path) -> Description:
         except ValueError as error:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
+    for key, each in groups.items():
+        try:
+            Expression(each.count).check(set(description.parameters))
+        except ValueError as error:
+            raise ConfigurationError(f"{path}: groups.{key}.count: {error}") from error
     named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
     named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
     named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
@@ -259,14 +273,14 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season), "beyond": (Boolean, True),
+        "size": (Size, description.size), "season": (str, description.season),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
     keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}
-    keys |= {key: layer.layout() for key, layer in description.objects.items()}
-    for key, plants in description.plants.items():
-        keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
+    layers: dict[str, Layer | Plants] = {**description.objects, **description.plants}
+    keys |= {key: own for key, layer in layers.items() if (own := layer.layout()) is not None}
+    keys["beyond"] = (Boolean, True)
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
     model = create_model("Config", __base__=GroundConfig, **keys)
     grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]

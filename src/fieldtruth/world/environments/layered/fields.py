@@ -15,9 +15,10 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.expressions import Drawn, Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
 from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
 
@@ -52,6 +53,10 @@ class Fields:
     """Individuals of the groups that are grown."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    ground: Callable[[Array], Array] | None = None
+    """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
+    far: list[FarSwarm] = field(default_factory=list)
+    """Objects of layers that are beyond the edge."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
@@ -64,6 +69,10 @@ class Fields:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+
+    def constant(self, rule: Constant) -> float:
+        """Value of a rule of parameters."""
+        return float(self.at(rule, np.zeros((1, 2)))[0])
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -110,6 +119,8 @@ class Fields:
         return values
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        if name in self.parameters:
+            return self.anywhere(name, xy)
         x, y = xy.T
         match name:
             case "x" | "y":

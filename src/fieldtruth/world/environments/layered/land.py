@@ -93,9 +93,10 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> t
     """Land around the world, as triangles and as heights [m]: hills, and behind the trees a canopy, if there is one."""
     rng, size, roof, far = rng_of(fields.seed, "beyond"), builder.size, beyond.canopy, FarFields(fields, beyond)
     names = [beyond.material, *([] if roof is None else [roof.material]), *beyond.materials]
-    if roof is None:
+    hills: Land = lambda x, _y: np.zeros_like(x)  # noqa: E731
+    if roof is None and beyond.hills:
         hills = rolling_hills(size, rng, height=beyond.hills)
-    else:
+    elif roof is not None:
         hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
 
     def land(x: Array, y: Array) -> Array:
@@ -111,6 +112,20 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> t
         return chosen
 
     return make_backdrop(builder.field, size, names, rng, land=land, cover=cover), land
+
+
+def ground_height(builder: WorldBuilder, made: tuple[Mesh, Land]) -> Callable[[Array], Array]:
+    """Height [m] of the ground at positions (n, 2), inside the world and on the land ``made`` beyond its edge."""
+    backdrop, land = made
+    joined, half = height_beyond(builder.field, builder.size, backdrop), np.array(builder.size) / 2
+
+    def height(xy: Array) -> Array:
+        inside = np.asarray((np.abs(xy) < half).all(axis=1))
+        x, y = np.where(inside[:, None], 2 * half, xy).T  # any valid position where the value is not used
+        near = distance_beyond(builder.size, x, y) <= JOINED
+        return np.where(inside, builder.field.height_at(*xy.T), np.where(near, joined(x, y), land(x, y)))
+
+    return height
 
 
 def swarms_beyond(

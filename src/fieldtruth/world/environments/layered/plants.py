@@ -13,7 +13,7 @@ from fieldtruth.experiment.fields import Positive
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.positions import Rows, in_rows
-from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Rule, Ruled
 from fieldtruth.world.environments.layout import Density, Share
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec, WorldBuilder
@@ -25,6 +25,7 @@ class Plants(Ruled):
     group: str
     kind: str
     per_m2: Density = 1.0
+    times: Amount | None = None  # factor of the density or of what is planted of rows, instead of a key of the layout
     rows: Rows | None = None  # instead of a density
     where: Rule = Field(default=Expression("1"))
     scales: tuple[Positive, Positive] = (0.8, 1.25)
@@ -34,6 +35,18 @@ class Plants(Ruled):
     sink: Distance = 0.0
     clear: Distance = 0.0
     aside: Distance = 0.0
+
+    def layout(self) -> tuple[Any, Any] | None:
+        """Type and default of its key of the layout; None if it has none."""
+        if self.times is not None:
+            return None
+        return (Share, 1.0) if self.rows is not None else (Density, self.per_m2)
+
+    def amount(self, fields: Fields, config: Any, name: str) -> float:
+        """Plants to the square metre, or the share of rows that is planted."""
+        if self.times is None:
+            return float(getattr(config, name))
+        return fields.constant(self.times) * (1.0 if self.rows is not None else self.per_m2)
 
 
 class FarPlants(Ruled):
@@ -68,7 +81,7 @@ def grown(fields: Fields, group: str, config: Any) -> list[Mesh]:
 def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any, layers: Mapping[str, Plants]) -> None:
     """Scatter the swarms of all layers."""
     for name, layer in layers.items():
-        rng, amount = rng_of(fields.seed, f"plants.{name}"), getattr(config, name)
+        rng, amount = rng_of(fields.seed, f"plants.{name}"), layer.amount(fields, config, name)
         if not amount:
             continue
         meshes = grown(fields, layer.group, config)
