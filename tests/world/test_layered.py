@@ -300,16 +300,15 @@ def test_distances_and_means_of_fields_are_those_of_the_plane(tmp_path: Path) ->
     assert np.sqrt((off[free] ** 2).mean()) < 0.03  # of which the microrelief has 0.01
 
 
-def test_a_number_of_things_counts_groups_and_a_factor_replaces_the_key_of_plants(tmp_path: Path) -> None:
-    """A parameter may hide the field ``edge``; plants with ``times`` have no key of their own."""
+def test_parameters_have_bounds_and_may_hide_the_distance_to_the_edge(tmp_path: Path) -> None:
     text = (
         TEXT.replace(
             "fields:",
-            "parameters:\n  few: {value: 2, low: 1, high: 9, whole: true}\n"
+            "parameters:\n  few: {value: 2, low: 1, high: 9, integer: true}\n"
             "  thick: {value: 0.5, above: 0}\n  edge: 3\nfields:",
         )
         .replace("triangles: 80", "triangles: 80, count: 2 * few - 1")
-        .replace("per_m2: 4", "per_m2: 4, times: 2 * thick")
+        .replace("per_m2: 4", "per_m2: 8 * thick")
         .replace("where: ditch > 3 and crown < 0.5", "where: y < edge")
     )
     with environment(tmp_path / "few.yaml", text) as name:
@@ -357,7 +356,7 @@ def test_a_layer_of_objects_is_a_distance_for_what_follows(tmp_path: Path) -> No
     swarms = {each.name: each.world_from_object[:, :2, 3] for each in world.swarms}
 
     def away(xy: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(xy[:, None] - posts, axis=2).min(axis=1)
+        return np.asarray(np.linalg.norm(xy[:, None] - posts, axis=2).min(axis=1))
 
     assert 1.5 < away(swarms["grass"]).max() < 2
     assert 9 < away(swarms["far"]).min() < 11
@@ -393,7 +392,6 @@ def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules
         ("fields:", "parameters: {wet: 1}\nfields:", "fields.wet: the name is taken"),
         ("fields:", "fields:\n  edge: 1", "fields.edge: the name is taken"),
         ("triangles: 80", "triangles: 80, count: many", "groups.stone.count: unknown field 'many'"),
-        ("per_m2: 4", "per_m2: 4, times: x", "plants.grass.times: unknown field 'x'"),
         (
             "group: stone, kind: rock, count: 6, where: x > 4 and y < -1",
             "type: power_line, y: patch",
@@ -436,6 +434,8 @@ def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules
         ("count: 6,", "", "objects.stones: one of count, rows and along is required"),
         ("litter_amount: 0", "liter_amount: 0", "liter_amount"),
         ("litter_amount: 0", "seasonal: {winter: {grass: [wheet]}}", "seasonal.winter: grass: unknown species 'wheet'"),
+        ("{oak: [3, 4]}", "{oak: [3, 4]}, count: 2 * few", "groups.tree.count: unknown field 'few'"),
+        ("litter_amount: 0", "parameters: {few: {value: 1.5, integer: true}}", "parameters.few: .* must be integers"),
         ("litter_amount: 0", "season: wintr", "unknown season 'wintr'; did you mean 'winter'"),
     ],
 )
@@ -543,3 +543,15 @@ def test_the_page_on_layers_names_every_section_field_and_function() -> None:
         *PLACE,
         *Beyond.model_fields,
     } <= words
+
+
+def test_groups_may_be_counted_by_an_integer_of_the_layout(tmp_path: Path) -> None:
+    text = TEXT.replace("{oak: [3, 4]}", '{oak: [3, 4]}, count: "min(few + 1, 4)"').replace(
+        "litter_amount: 0", "litter_amount: 0\nparameters: {few: {value: 2, low: 1, high: 9, integer: true}}"
+    )
+    with environment(tmp_path / "counted.yaml", text) as name:
+        for layout, trees in (({}, 3), ({"few": 1}, 2), ({"few": 9}, 4)):
+            world = build_world(name, 3, {"size": [24, 16], "stones": 0, "grass": 0, **layout})
+            assert {each.mesh for each in of_kind(world, "row_trees")} == {f"tree_oak_{k}" for k in range(trees)}
+        with pytest.raises(ConfigurationError, match=r"layout: few must be an integer between 1 and 9, got 1\.5"):
+            build_world(name, 3, {"few": 1.5})

@@ -18,6 +18,7 @@ from fieldtruth.world.build import build_world
 from fieldtruth.world.environments.site.build import land_beyond
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.model import Instance, Raster, World
+from fieldtruth.world.plants import TREES
 from fieldtruth.world.water import DRY
 
 rasterio = pytest.importorskip("rasterio")
@@ -308,3 +309,23 @@ def test_land_cover_and_photograph_and_the_land_beyond_are_those_of_the_rasters(
     slope = np.linalg.lstsq(np.column_stack([ring[:, :2], np.ones(len(ring))]), ring[:, 2], rcond=None)[0]
     assert slope[0] == pytest.approx(0.05, rel=0.03)
     assert np.abs(ring @ np.array([slope[0], slope[1], -1.0]) + slope[2]).max() < 0.05
+
+
+def test_woods_of_land_cover_without_trees_get_random_ones(tmp_path: Path) -> None:
+    """Of two woods, 12 m wide strips beside a meadow, the one in which a file has a tree keeps just that one."""
+    steps = np.arange(160) - 79.5  # [m] from the place, to the east
+    classes = np.where(np.abs(np.abs(steps) - 15) < 6, 10, 30)[None, :] + 0 * steps[:, None]
+    cover = raster(tmp_path / "cover.tif", classes[None].astype(np.uint8), "uint8", 20.0)
+    where = pyproj.Transformer.from_crs(32632, 4326).transform(EAST_NORTH[0] - 15, EAST_NORTH[1])
+    (tmp_path / "trees.csv").write_text("lat,lon,height\n{},{},9\n".format(*where))
+    layout = {
+        "centre": [PLACE.latitude, PLACE.longitude], "size": [60, 60], "litter": 0, "grass_per_m2": 0, "grid": 0.2,
+        "land_cover": {"file": str(cover), "classes": {10: "wood", 30: "meadow"}}, "individuals": 1,
+        "trees": {"file": str(tmp_path / "trees.csv")}, "trees_per_m2": 0.06,
+    }  # fmt: skip
+    world = build_world("site", 0, layout)
+    y = np.array([each.world_from_object[1, 3] for each in world.instances if each.kind in TREES])
+    assert (y > 0).sum() == 1  # west
+    assert y[y > 0] == pytest.approx(15.0, abs=0.5)
+    assert (y < 0).sum() == pytest.approx(0.06 * 12 * 60, rel=0.25)
+    assert (np.abs(-y[y < 0] - 15) < 7.5).all()  # cells of 1 m, turned by the meridian's convergence

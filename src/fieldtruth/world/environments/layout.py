@@ -61,11 +61,12 @@ class PlantGroup:
     form: Literal["tree", "snag", "log", "stump", "twigs", "bush", "tuft", "clump", "rock"]
     name: str  # of a mesh; ``{species}`` and ``{k}``, the number of the individual, are replaced
     species: Mapping[str, Heights] = field(default_factory=dict)  # heights [m], or shares of a clump's tufts
+    mixture: str = ""  # key of the layout that has the shares of the species, instead
     mixed: tuple[str, ...] = ()  # species of one individual each, in this order, instead; names may occur again
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
     even: bool = False  # heights in equal steps, of rocks ratios, from the least to the greatest, not random ones
-    count: int | str = 1  # individuals of each species, or clumps: a number, or a rule of keys of the layout
+    count: int | str = 1  # individuals of each species, or clumps; or a rule of the layout's numbers, ``2 * few``
     scaled: tuple[float, float] | None = None  # least and greatest scale of individuals that are smaller than they grow
     in_turn: bool = False  # one of each species in turn, not all of one and then all of the next
     detail: float = 1.0
@@ -122,6 +123,15 @@ PLANTINGS: Final = Library("environments", _planting, lambda _: ())
 """Plants, rocks and corridors by environment, one data file each."""
 
 
+def check_shares(group: PlantGroup, shares: Mapping[str, float]) -> None:
+    """Check the species of a mixture for a group; raises ValueError."""
+    known = sorted(_LIBRARIES[group.form])
+    for unknown in (name for name in shares if name not in known):
+        raise ValueError(f"unknown species {unknown!r}; {suggestion(unknown, known)}")
+    if not sum(shares.values()) > 0:
+        raise ValueError(f"at least one share must be above 0. Available: {', '.join(known)}")
+
+
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
     """Check the species that a layout names by group; raises ValueError."""
     known_groups = PLANTINGS[environment].groups.items() if plants else ()
@@ -139,7 +149,7 @@ def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
 class Planter:
     """Grows an environment's plants; ``plants`` are species by group, instead of the usual ones.
 
-    ``numbers`` are those of the layout, by which groups may be counted.
+    ``numbers`` are the values of the layout, of which groups may have their counts and the shares of their species.
     """
 
     def __init__(
@@ -151,7 +161,12 @@ class Planter:
     def species(self, group: str) -> tuple[str, ...]:
         """Names of a group's species."""
         form = self._planting.groups[group]
-        return tuple(self._plants.get(group) or form.mixed or form.species)
+        return tuple(self._plants.get(group) or self.shares(group) or form.mixed or form.species)
+
+    def shares(self, group: str) -> Mapping[str, float]:
+        """Shares by species of a group, without those that are 0; empty where all are as frequent."""
+        found = self._numbers.get(self._planting.groups[group].mixture, {})
+        return {name: share for name, share in found.items() if share > 0}
 
     def grow(
         self, group: str, rng: np.random.Generator, *, count: int | None = None, species: Iterable[str] | None = None
@@ -177,7 +192,9 @@ class Planter:
     def count(self, group: str) -> int:
         """Count the individuals of each species of a group."""
         count = self._planting.groups[group].count
-        return int(Expression(count).values(lambda name: np.asarray(self._numbers[name])))
+        if isinstance(count, str):
+            return max(1, round(float(Expression(count).values(lambda name: np.array(self._numbers[name])))))
+        return count
 
     def tufts(self, group: str) -> int:
         """Count the tufts in a clump of a group."""

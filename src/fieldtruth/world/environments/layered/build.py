@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
@@ -18,6 +17,7 @@ from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.trees import crowns, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -28,17 +28,14 @@ from fieldtruth.world.grids import (
     make_heightfield,
     make_raster,
     make_trails,
-    under_circles,
 )
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Instance, Mesh, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import Axes, with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
-CANOPY: Final = 0.8
-"""Distance [m] over which a crown's share of the ground fades at its rim."""
 TRAIL: Final = Expression("trail")
 MESHES: Final = 13
 """Nodes along each side of a sheet of water at least."""
@@ -62,14 +59,16 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     add_water(builder, fields.water, sheets)
     if description.water is not None:
         builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
-    land = make_land_beyond(builder, fields, description.beyond)
-    fields.ground = ground_height(builder, land)
-    for name, layer in description.objects.items():
-        layer.place(builder, fields, config, name)
-    fields.crown = crowns(builder, fields.nodes)
+
+    def ground(xy: Array) -> Array:
+        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
+
+    fields.ground = ground
+    place_objects(builder, fields, config, description)
+    fields.crowns = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    far = swarms_beyond(builder, fields, config, description.beyond, land)
+    land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
@@ -77,10 +76,23 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
         backdrop=land[0],
-        beyond=[*fields.far, *far],
+        beyond=[*fields.far, *swarms_beyond(builder, fields, config, description.beyond, land)],
         litter=config.litter,
         objects=config.objects,
     )
+
+
+def place_objects(builder: WorldBuilder, fields: Fields, config: Any, description: Description) -> None:
+    """Place the objects of all layers in turn; the ground is raised over roots when the last of them are there."""
+    rooted, missing = list[Instance](), set(description.roots)
+    for name, layer in description.objects.items():
+        first = len(builder.instances)
+        layer.place(builder, fields, config, name)
+        if name in missing:
+            rooted += builder.instances[first:]
+            missing.remove(name)
+            if not missing:
+                raise_roots(builder, rooted, rng_of(fields.seed, "roots"))
 
 
 def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
@@ -91,6 +103,7 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     }
     nodes = grid_axes(config.size, hills_spacing(config.size))
     parameters = {name: float(getattr(config, name)) for name in description.parameters}
+    parameters |= {"trail_width": trails[0].width if trails else 0.0, "spacing": float(nodes[0][1] - nodes[0][0])}
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
@@ -164,19 +177,3 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
         border_material=trail.border,
         border_width=fields.constant(trail.border_width),
     )
-
-
-def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
-    """Share to which nodes are below crowns of trees and bushes."""
-    radii = {name: _crown(builder, mesh) for name, mesh in builder.meshes.items()}
-    poses = [(radii[each.mesh], each.world_from_object) for each in builder.instances if radii[each.mesh] > 0]
-    circles = [(*pose[:2, 3].tolist(), radius * float(np.linalg.norm(pose[:3, 0]))) for radius, pose in poses]
-    return make_raster(under_circles(circles, axes, CANOPY), float(axes[0][1] - axes[0][0]), *axes)
-
-
-def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
-    """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
-    materials = [builder.materials.get(name) or MATERIALS[name] for name in mesh.materials]
-    leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
-    faces = mesh.faces[np.isin(mesh.material, leafy)]
-    return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0

@@ -12,6 +12,7 @@ from zlib import crc32
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
@@ -46,7 +47,8 @@ class Fields:
     lines: Mapping[str, Line]
     height: Array | None = None
     """Height [m] at the nodes."""
-    crown: Raster | None = None
+    crowns: dict[str, Raster] = field(default_factory=dict)
+    """Share of crowns at the nodes, of all and of some objects, once these are placed."""
     water: float | Raster | None = None
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
@@ -70,10 +72,6 @@ class Fields:
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
 
-    def constant(self, rule: Constant) -> float:
-        """Value of a rule of parameters."""
-        return float(self.at(rule, np.zeros((1, 2)))[0])
-
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
         shape, spacing, rng = (len(self.nodes[0]), len(self.nodes[1])), self.spacing, rng_of(self.seed, name)
@@ -92,8 +90,18 @@ class Fields:
             mean = gaussian_filter(grid(values), float(np.max(length)) / spacing, mode="nearest")
             return np.asarray(mean).reshape(-1)
 
+        def points(per_ha: Array) -> Array:
+            count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
+            centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
+
         xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self._values(rule, xy, {"noise": noise, "distance": distance, "blur": blur}).reshape(shape)
+        drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
+        return self._values(rule, xy, drawn).reshape(shape)
+
+    def constant(self, rule: Constant) -> float:
+        """Value of a rule of parameters."""
+        return float(self.at(rule, np.zeros((1, 2)))[0])
 
     def anywhere(self, name: str, xy: Array) -> Array:
         """Values (n,) of a parameter, or of the distance to a layer's objects, also beyond the edge."""
@@ -138,8 +146,8 @@ class Fields:
                 along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
                 across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
-            case "crown":
-                return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "crown" | "crown_needles" | "crown_leaves":
+                return self.crowns[name].at(x, y) if name in self.crowns else np.zeros(len(xy))
             case "above_water":
                 above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
                 return np.asarray(np.minimum(above, FAR))

@@ -18,10 +18,12 @@ from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.plants import grown
 from fieldtruth.world.environments.layered.positions import Along, Rows, along_line, in_rows
 from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule
+from fieldtruth.world.environments.layered.trees import SPECIES, grouped
 from fieldtruth.world.environments.layout import PLANTINGS, Count, LengthCount, Share
 from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import FURNITURE, make_furniture
 from fieldtruth.world.placement import ObjectGroup, WorldBuilder, random_tint, tilted, upright_pose
+from fieldtruth.world.rocks import scatter_rocks
 from fieldtruth.world.stand import Stand
 
 TRIES: Final = 6000
@@ -45,12 +47,15 @@ class Objects(Layer):
     sink: Distance = 0.0  # [m]
     aligned: Boolean = False  # turned along their row or line; otherwise at random
     footprint: Positive = 1.0  # share of the footprint's radius that is kept free: crowns reach into each other below 1
+    bedded: Boolean = False  # rocks that lean with the slope, so deep that their whole rim is in the ground
     stand: Boolean = False  # trees that find light between those that stand
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         if bool(self.group) == bool(self.furniture):
             raise ValueError("either group or furniture is required")
+        if SPECIES in self.kind and not self.count:
+            raise ValueError(f"kind may have {SPECIES} where there is a count only")
         if (self.count > 0) + (self.rows is not None) + (self.along is not None) != 1:
             raise ValueError("one of count, rows and along is required")
         for unknown in (name for name in self.furniture if name not in FURNITURE):
@@ -87,7 +92,21 @@ def _place(builder: WorldBuilder, fields: Fields, config: Any, layer: Objects, n
     meshes = grown(fields, layer.group, config) if layer.group else [make_furniture(n) for n in layer.furniture]
     meshes = [replace(mesh, footprint=layer.footprint * mesh.footprint) for mesh in meshes]
     own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint")}
-    group = ObjectGroup(kind=layer.kind or name, meshes=meshes, count=amount if layer.count else 0, **own)
+    shares = config.planter.shares(layer.group) if layer.group else {}
+    for group in grouped(layer.kind or name, meshes, amount if layer.count else 0, shares, **own):
+        _place_group(builder, fields, config, layer, group, (rng, amount))
+
+
+def _place_group(
+    builder: WorldBuilder,
+    fields: Fields,
+    config: Any,
+    layer: Objects,
+    group: ObjectGroup,
+    drawn: tuple[np.random.Generator, float],
+) -> None:
+    """Place the objects of one kind; ``drawn``: a generator, and the share of rows and lines."""
+    rng, amount = drawn
 
     def allowed(xy: Array) -> Mask:
         return np.asarray(rng.random(len(xy)) < fields.at(layer.where, xy))
@@ -96,6 +115,8 @@ def _place(builder: WorldBuilder, fields: Fields, config: Any, layer: Objects, n
         _place_all(builder, fields, layer, group, rng, amount)
     elif layer.group and PLANTINGS[config.environment].groups[layer.group].form == "log":
         _lay_all(builder, fields, layer, group, rng)
+    elif layer.bedded:
+        scatter_rocks(builder, group, rng, lambda xy: fields.at(layer.where, xy))
     elif layer.stand:
         fields.stand = fields.stand or Stand(builder)
         fields.stand.plant(group, rng, allowed)

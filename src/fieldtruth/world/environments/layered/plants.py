@@ -4,19 +4,32 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any, Final
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.fields import Positive
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.experiment.fields import Boolean, Positive
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.positions import Rows, in_rows
-from fieldtruth.world.environments.layered.sections import Amount, Distance, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
 from fieldtruth.world.environments.layout import Density, Share
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec, WorldBuilder
+
+DENSEST: Final = 20.0
+"""Greatest density [1/m^2] of a swarm."""
+
+
+def _density(given: Any) -> float | Constant:
+    """Return the density that a number or a rule gives; raises ValueError."""
+    if isinstance(given, str):
+        return Constant(given)
+    if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given <= DENSEST:
+        raise ValueError(f"must be a number between 0 and {DENSEST:g}, or a rule of parameters, got {given!r}")
+    return float(given)
 
 
 class Plants(Ruled):
@@ -24,8 +37,8 @@ class Plants(Ruled):
 
     group: str
     kind: str
-    per_m2: Density = 1.0
-    times: Amount | None = None  # factor of the density or of what is planted of rows, instead of a key of the layout
+    per_m2: Annotated[float | Constant, PlainValidator(_density)] = 1.0  # a rule of parameters is no key of layouts
+    mean: Boolean = False  # it is what ``where`` leaves in the mean over the world
     rows: Rows | None = None  # instead of a density
     where: Rule = Field(default=Expression("1"))
     scales: tuple[Positive, Positive] = (0.8, 1.25)
@@ -35,18 +48,6 @@ class Plants(Ruled):
     sink: Distance = 0.0
     clear: Distance = 0.0
     aside: Distance = 0.0
-
-    def layout(self) -> tuple[Any, Any] | None:
-        """Type and default of its key of the layout; None if it has none."""
-        if self.times is not None:
-            return None
-        return (Share, 1.0) if self.rows is not None else (Density, self.per_m2)
-
-    def amount(self, fields: Fields, config: Any, name: str) -> float:
-        """Plants to the square metre, or the share of rows that is planted."""
-        if self.times is None:
-            return float(getattr(config, name))
-        return fields.constant(self.times) * (1.0 if self.rows is not None else self.per_m2)
 
 
 class FarPlants(Ruled):
@@ -78,10 +79,21 @@ def grown(fields: Fields, group: str, config: Any) -> list[Mesh]:
     return fields.meshes[group]
 
 
+def _per_m2(fields: Fields, layer: Plants, given: float | None) -> float:
+    """Density before it is thinned; ``given`` is that of the layout."""
+    wanted = fields.constant(layer.per_m2) if isinstance(layer.per_m2, Constant) else given
+    assert wanted is not None
+    if layer.mean:
+        axes = [np.arange(-side / 2 + 0.5, side / 2, 1.0) for side in fields.size]
+        wanted /= max(float(fields.on(layer.where, (axes[0], axes[1])).clip(0, 1).mean()), 1e-3)
+    return min(max(wanted, 0.0), DENSEST)
+
+
 def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any, layers: Mapping[str, Plants]) -> None:
     """Scatter the swarms of all layers."""
     for name, layer in layers.items():
-        rng, amount = rng_of(fields.seed, f"plants.{name}"), layer.amount(fields, config, name)
+        rng, given = rng_of(fields.seed, f"plants.{name}"), getattr(config, name, None)
+        amount = _per_m2(fields, layer, given) if layer.rows is None else given
         if not amount:
             continue
         meshes = grown(fields, layer.group, config)

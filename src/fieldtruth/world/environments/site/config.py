@@ -74,7 +74,7 @@ class Config(GroundConfig):
     surface: Literal["lawn", "meadow", "forest_floor", "soil"] = "meadow"
     """Where the maps say nothing."""
     trees_per_m2: Annotated[Number, Field(ge=0, le=0.5)] = 0.05
-    """In woods of the map of which there are no trees."""
+    """In woods of map and land cover of which there are no trees."""
     trail_width: Positive = 1.6  # [m] of paths whose width the map does not say
     grass_per_m2: Density = 4.0
     individuals: Individuals = 3  # of each species and height

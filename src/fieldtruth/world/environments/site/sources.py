@@ -7,16 +7,21 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.path import Path as Outline
+from scipy.ndimage import label
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.geodesy import Origin
+from fieldtruth.maps.imagery import read_classes
 from fieldtruth.maps.osm import Feature, read_osm
+from fieldtruth.maps.tags import metres
 from fieldtruth.maps.trees import Tree
-from fieldtruth.world.environments.site.config import Config
+from fieldtruth.world.environments.site.config import Config, LandCoverFile
 from fieldtruth.world.environments.site.inputs import read_trees
 from fieldtruth.world.plants import TREES
 from fieldtruth.world.relief import Axes
 
+CELL: Final = 1.0
+"""Distance [m] between the positions at which land cover is asked for woods."""
 USUAL: Final = 14.0
 """Height [m] of trees whose height no map says, in the mean; they vary by a quarter."""
 GENERA: Final[Mapping[str, str]] = {
@@ -29,13 +34,14 @@ GENERA: Final[Mapping[str, str]] = {
 
 
 class Stem(NamedTuple):
-    """A tree to plant: position and height [m], radius of its crown [m], or NaN, and species."""
+    """A tree to plant: position and height [m], species; radius of its crown, diameter of its trunk [m], or NaN."""
 
     x: float
     y: float
     height: float
     crown: float
     species: str
+    diameter: float = float("nan")
 
 
 def read_features(config: Config, origin: Origin) -> list[Feature]:
@@ -44,7 +50,7 @@ def read_features(config: Config, origin: Origin) -> list[Feature]:
 
 
 def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng: np.random.Generator) -> list[Stem]:
-    """Read trees of an inventory or a canopy, and of the map; woods of the map without any get random ones."""
+    """Read trees of an inventory or a canopy, and of the map; woods without any get random ones."""
     trees = [*read_trees(config, origin).trees]
     trees += [_mapped(each) for each in features if each.kind == "tree"]
     trees += [_planted(each, xy) for each in features for xy in _rows(each)]
@@ -52,13 +58,17 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
     for wood in features:
         if wood.kind == "wood" and wood.closed and not inside(wood, at).any():
             trees += [Tree(x, y, None, None, None, wood.tags.get("leaf_type")) for x, y in _strewn(wood, config, rng)]
+    if config.land_cover is not None and "wood" in config.land_cover.classes.values():
+        at = np.array([(tree.x, tree.y) for tree in trees]).reshape(-1, 2)
+        trees += [Tree(x, y, None, None, None, None) for x, y in _strewn_cover(config, config.land_cover, at, rng)]
     names, shares = list(config.species), np.array(list(config.species.values()))
     stems = []
     for tree in trees:
         drawn = names[int(rng.choice(len(names), p=shares / shares.sum()))]
         height = USUAL * float(np.clip(rng.normal(1.0, 0.25), 0.4, 1.6)) if tree.height is None else tree.height
         crown = np.nan if tree.crown_radius is None else tree.crown_radius
-        stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn))
+        diameter = np.nan if tree.diameter is None else tree.diameter
+        stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn, diameter))
     return stems
 
 
@@ -105,7 +115,9 @@ def filled(area: Feature, apart: float) -> Array:
 def _mapped(feature: Feature) -> Tree:
     x, y = feature.geometry[0].tolist()
     tags = feature.tags
-    return Tree(x, y, feature.height, None, None, tags.get("species") or tags.get("leaf_type"))
+    crown, girth = metres(tags.get("crown")), metres(tags.get("circumference"))
+    species = tags.get("species") or tags.get("leaf_type")
+    return Tree(x, y, feature.height, crown and crown / 2.0, girth and girth / np.pi, species)
 
 
 def species_of(text: str | None) -> str | None:
@@ -123,12 +135,35 @@ def inside(feature: Feature, points: Array) -> Mask:
 
 
 def _strewn(wood: Feature, config: Config, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Positions in an area, stratified, so that trees neither clump nor line up."""
-    low, high = wood.geometry.min(axis=0), wood.geometry.max(axis=0)
+    """Positions in an area."""
+    xy = _stratified(wood.geometry.min(axis=0), wood.geometry.max(axis=0), config, rng)
+    return [(x, y) for x, y in xy[inside(wood, xy)].tolist()]
+
+
+def _strewn_cover(
+    config: Config, file: LandCoverFile, trees: Array, rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """Positions in those woods of a raster, cells that touch each other, in which there are no trees (n, 2) [m]."""
+    half = np.array(config.size) / 2
+    x, y = (np.arange(-side, side + CELL / 2, CELL) for side in half)
+    classes = read_classes(file.path, config.place, config.size, (x, y), crs=file.crs)
+    wooded = np.isin(classes, [code for code, name in file.classes.items() if name == "wood"])
+    woods, _ = label(wooded, np.ones((3, 3)))
+
+    def wood_at(xy: Array) -> Array:
+        i, j = np.rint((xy + half) / CELL).astype(int).T
+        return np.asarray(woods[i, j])
+
+    known = trees[(np.abs(trees) <= half).all(axis=1)]
+    xy = _stratified(-half, half, config, rng)
+    return [(a, b) for a, b in xy[~np.isin(wood_at(xy), [0, *wood_at(known)])].tolist()]
+
+
+def _stratified(low: Array, high: Array, config: Config, rng: np.random.Generator) -> Array:
+    """Positions (n, 2) [m] in a rectangle, stratified, so that trees neither clump nor line up."""
     cells = np.maximum(1, np.ceil((high - low) * np.sqrt(config.trees_per_m2))).astype(int)
     grid = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), axis=-1).reshape(-1, 2)
-    xy = low + (grid + rng.random(grid.shape)) / cells * (high - low)
-    return [(x, y) for x, y in xy[inside(wood, xy)].tolist()]
+    return np.asarray(low + (grid + rng.random(grid.shape)) / cells * (high - low))
 
 
 def area_mask(features: Sequence[Feature], nodes: Axes) -> Mask:
