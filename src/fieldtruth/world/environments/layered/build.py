@@ -3,6 +3,7 @@
 """A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,10 +14,11 @@ from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.trails_beyond import with_trails
 from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
@@ -37,8 +39,10 @@ from fieldtruth.world.relief import with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
 TRAIL: Final = Expression("trail")
-BEYOND: Final = 60.0
-"""Distance [m] to which water goes on beyond the edge."""
+MESHES: Final = 13
+"""Nodes along each side of a sheet of water at least."""
+WIDE: Final = 75.0
+"""Distance [m] between them at most."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -55,19 +59,26 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
+    if description.water is not None:
+        builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
+
+    def ground(xy: Array) -> Array:
+        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
+
+    fields.ground = ground
     place_objects(builder, fields, config, description)
     fields.crowns, fields.near["foot"] = crowns(builder, fields.nodes), nearest(feet(builder))
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    land = make_land_beyond(builder, fields, description.beyond, terrain)
+    land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
         name=config.environment,
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
-        backdrop=land.mesh,
-        beyond=swarms_beyond(builder, fields, config, description.beyond, land),
+        backdrop=with_trails(land.mesh, land.trails, terrain, builder.size),
+        beyond=[*fields.far, *swarms_beyond(builder, fields, config, description.beyond, land)],
         litter=config.litter,
         objects=config.objects,
     )
@@ -118,9 +129,11 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = level = fields.constant(description.water.level)
-    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
-    return [(make_flat_sheet("water", x, y), level)]
+    water = description.water
+    fields.water = level = fields.constant(water.level)
+    reach = [s / 2 + water.beyond for s in fields.size]
+    x, y = (np.linspace(-half, half, max(MESHES, round(2 * half / WIDE))) for half in reach)
+    return [(make_flat_sheet(water.name, x, y), level)]
 
 
 def painted(values: Callable[[Expression], Array], ground: Mapping[str, Expression]) -> dict[str, Array]:

@@ -25,12 +25,13 @@ from pydantic import (
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
 from fieldtruth.world.environments.layered.beds import Beds
-from fieldtruth.world.environments.layered.expressions import DRAWN, Expression
+from fieldtruth.world.environments.layered.expressions import DRAWN, Constant, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
-from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.power_line import PowerLine
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
@@ -54,6 +55,8 @@ CONSTANTS: Final = frozenset({"trail_width", "spacing"})
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
+HIDDEN: Final = frozenset({"edge"})
+"""Those of them that a parameter may hide."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
@@ -68,14 +71,16 @@ class TrailSurface(Ruled):
 
     material: str = "path"
     border: str = "path_edge"
-    border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
+    border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
     ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
 
 
 class Water(Ruled):
     """Water of one level over all ground that is lower."""
 
-    level: Rule  # [m], of parameters
+    level: Amount  # [m]
+    name: str = "water"
+    beyond: Distance = 60.0  # [m] from the edge, to which it goes on
 
 
 class Parameter(Frozen):
@@ -83,8 +88,8 @@ class Parameter(Frozen):
 
     value: Number
     low: Number | None = None
+    above: Number | None = None  # a bound that is not allowed itself
     high: Number | None = None
-    above: Number | None = None
     integer: Boolean = False
 
     @model_validator(mode="after")
@@ -95,10 +100,10 @@ class Parameter(Frozen):
 
     def layout(self) -> tuple[Any, float]:
         """Type and default of its key of the layout."""
-        low, high = (int(end) if self.integer and end is not None else end for end in (self.low, self.high))
-        if self.integer:
-            return Annotated[Integer, Field(ge=low, le=high)], int(self.value)
-        return Annotated[Number, Field(ge=low, le=high, gt=self.above)], self.value
+        given = {"ge": self.low, "gt": self.above, "le": self.high}
+        limits: dict[str, Any] = {key: int(v) if v.is_integer() else v for key, v in given.items() if v is not None}
+        kind = Integer if self.integer else Number
+        return Annotated[kind, Field(**limits)], int(self.value) if self.integer else self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -116,7 +121,7 @@ def _layer(given: Any) -> Layer:
         raise PartError(LAYERS[kind], report) from report
 
 
-LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds}
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds, "power_line": PowerLine}
 """Types of the layers of objects."""
 
 
@@ -177,7 +182,7 @@ class Description(Frozen):
         self._check_beside()
         for key, rule, known, drawn in self._rules():
             try:
-                rule.check(known, drawn)
+                rule.check(CONSTANTS | set(self.parameters) if isinstance(rule, Constant) else known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
@@ -192,9 +197,11 @@ class Description(Frozen):
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
         layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
-        fields, swarms = {*CONSTANTS, *FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        known, swarms = {*CONSTANTS, *FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        fields = known | set(self.parameters)
         for section, names, taken in (
-            ("parameters", self.parameters, fields), ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("parameters", self.parameters, known - HIDDEN),
+            ("lines", self.lines, fields), ("fields", self.fields, fields),
             ("beyond.fields", self.beyond.fields, fields), ("objects", self.objects, fields),
             ("parameters", self.parameters, layers), ("mixtures", self.mixtures, layers),
             ("objects", self.objects, layers), ("plants", self.plants, layers),
@@ -225,17 +232,14 @@ class Description(Frozen):
         for key, step in self.relief.items():
             for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
                 yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
-        yield from ((f"water.{key}", rule, numbers, set()) for key, rule in (self.water.rules() if self.water else ()))
-        yield from ((f"trail.{key}", rule, numbers, set()) for key, rule in self.trail.rules())
-        if self.puddles is not None:
-            yield from ((f"puddles.{key}", rule, known, set()) for key, rule in self.puddles.rules())
+        for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
+            yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
             objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
         yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
         for key, plants in self.plants.items():
-            for name, rule in plants.rules():
-                yield f"plants.{key}.{name}", rule, numbers if name == "per_m2" else known | objects, set()
+            yield from ((f"plants.{key}.{name}", rule, known | objects, set()) for name, rule in plants.rules())
         yield from self._rules_beyond(numbers, objects)
 
     def _rules_beyond(
@@ -329,7 +333,7 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season), "beyond": description.beyond.layout(),
+        "size": (Size, description.size), "season": (str, description.season),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
@@ -337,11 +341,12 @@ def model_of(name: str) -> type[GroundConfig]:
     for key, shares in description.mixtures.items():
         info = Field(description="shares by species, each from 0 up to 1")
         keys[key] = (Annotated[Mapping[str, Share], info, AfterValidator(partial(_mixture, name, key))], shares)
-    keys |= {key: layer.layout() for key, layer in description.objects.items()}
+    keys |= {key: own for key, layer in description.objects.items() if (own := layer.layout()) is not None}
     for key, plants in description.plants.items():
         if isinstance(plants.per_m2, Expression):
             continue
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
+    keys["beyond"] = description.beyond.layout()
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
     model = create_model("Config", __base__=GroundConfig, **keys)
     grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]

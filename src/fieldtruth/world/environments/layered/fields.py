@@ -16,9 +16,10 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.expressions import Drawn, Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
 from fieldtruth.world.model import Instance, Mesh, Raster, water_at
+from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
 
@@ -56,6 +57,10 @@ class Fields:
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
     placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
     """Objects of those layers."""
+    ground: Callable[[Array], Array] | None = None
+    """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
+    far: list[FarSwarm] = field(default_factory=list)
+    """Objects of layers that are beyond the edge."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
@@ -100,7 +105,7 @@ class Fields:
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
         return self._values(rule, xy, drawn, {}).reshape(shape)
 
-    def constant(self, rule: Expression) -> float:
+    def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
         return float(self.at(rule, np.zeros((1, 2)))[0])
 
@@ -126,6 +131,8 @@ class Fields:
         return values
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        if name in self.parameters:
+            return self.anywhere(name, xy)
         x, y = xy.T
         match name:
             case "x" | "y":

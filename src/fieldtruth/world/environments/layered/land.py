@@ -25,10 +25,10 @@ from fieldtruth.world.environments.layered.fields import FAR, Fields, check_fini
 from fieldtruth.world.environments.layered.plants import FarPlants, grown, specified
 from fieldtruth.world.environments.layered.positions import along_lines, beside_trails
 from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
-from fieldtruth.world.environments.layered.trails_beyond import continued, with_trails
+from fieldtruth.world.environments.layered.trails_beyond import continued
 from fieldtruth.world.environments.layout import Share
 from fieldtruth.world.grids import Trail, distance_beyond
-from fieldtruth.world.model import Mesh, Terrain
+from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import FarSwarm, WorldBuilder
 
 PLACE: Final = frozenset({"x", "y", "beyond"})
@@ -119,13 +119,14 @@ class LandBeyond(NamedTuple):
     trails: Sequence[Trail]
 
 
-def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond, terrain: Terrain) -> LandBeyond:
+def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> LandBeyond:
     """Make the land around the world: hills, behind the trees a canopy, if there is one, and trails."""
     rng, size, roof, far = rng_of(fields.seed, "beyond"), builder.size, beyond.canopy, FarFields(fields, beyond)
     names = [beyond.material, *([] if roof is None else [roof.material]), *beyond.materials]
-    if roof is None:
+    hills: Land = lambda x, _y: np.zeros_like(x)  # noqa: E731
+    if roof is None and beyond.hills:
         hills = rolling_hills(size, rng, height=beyond.hills)
-    else:
+    elif roof is not None:
         hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
 
     def land(x: Array, y: Array) -> Array:
@@ -145,7 +146,20 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond, terr
 
     mesh = make_backdrop(builder.field, size, names, rng, land=roofed, cover=cover)
     trails = continued(builder.trails, size, beyond.trails, rng) if beyond.trails else []
-    return LandBeyond(with_trails(mesh, trails, terrain, size), land, trails)
+    return LandBeyond(mesh, land, trails)
+
+
+def ground_height(builder: WorldBuilder, land: LandBeyond) -> Callable[[Array], Array]:
+    """Height [m] of the ground at positions (n, 2), inside the world and on the land beyond its edge."""
+    joined, half = height_beyond(builder.field, builder.size, land.mesh), np.array(builder.size) / 2
+
+    def height(xy: Array) -> Array:
+        inside = np.asarray((np.abs(xy) < half).all(axis=1))
+        x, y = np.where(inside[:, None], 2 * half, xy).T  # any valid position where the value is not used
+        near = distance_beyond(builder.size, x, y) <= JOINED
+        return np.where(inside, builder.field.height_at(*xy.T), np.where(near, joined(x, y), land.height(x, y)))
+
+    return height
 
 
 def swarms_beyond(

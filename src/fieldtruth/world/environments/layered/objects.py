@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,7 +19,7 @@ from fieldtruth.world.environments.layered.plants import Groups, grown
 from fieldtruth.world.environments.layered.positions import Along, Rows, along_line, in_rows
 from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule
 from fieldtruth.world.environments.layered.trees import SPECIES, grouped
-from fieldtruth.world.environments.layout import PLANTINGS, Count, Share
+from fieldtruth.world.environments.layout import PLANTINGS, Count, LengthCount, Share
 from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import FURNITURE, make_furniture
 from fieldtruth.world.placement import ObjectGroup, WorldBuilder, random_tint, tilted, upright_pose
@@ -44,6 +44,7 @@ class Objects(Layer):
     group: Groups = ()  # of plants or rocks
     furniture: tuple[str, ...] = ()  # instead
     count: Annotated[Integer, Field(ge=0)] = 0
+    grows: Literal["area", "length"] = "area"  # of a larger world, with which the count grows
     rows: Rows | None = None
     along: Along | None = None  # with a count: at so many of its positions
     beside: Beside | None = None  # as many of the count as there is space for; the others elsewhere
@@ -75,7 +76,7 @@ class Objects(Layer):
 
     def layout(self) -> tuple[Any, Any]:
         """Type and default of the number of objects, or of the share of positions that are planted."""
-        return (Count, self.count) if self.count else (Share, 1.0)
+        return (LengthCount if self.grows == "length" else Count, self.count) if self.count else (Share, 1.0)
 
     def groups(self) -> tuple[str, ...]:
         """Names of the groups of plants and rocks that it needs."""

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Boolean, Positive
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.positions import Along, Rows, in_rows
 from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
@@ -23,10 +23,10 @@ DENSEST: Final = 20.0
 """Greatest density [1/m^2] of a swarm."""
 
 
-def _density(given: Any) -> float | Expression:
+def _density(given: Any) -> float | Constant:
     """Return the density that a number or a rule gives; raises ValueError."""
     if isinstance(given, str):
-        return Expression(given)
+        return Constant(given)
     if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given <= DENSEST:
         raise ValueError(f"must be a number between 0 and {DENSEST:g}, or a rule of parameters, got {given!r}")
     return float(given)
@@ -44,7 +44,7 @@ class Plants(Ruled):
 
     group: Groups
     kind: str
-    per_m2: Annotated[float | Expression, PlainValidator(_density)] = 1.0  # a rule of parameters is no key of layouts
+    per_m2: Annotated[float | Constant, PlainValidator(_density)] = 1.0  # a rule of parameters is no key of layouts
     mean: Boolean = False  # it is what ``where`` leaves in the mean over the world
     rows: Rows | None = None  # instead of a density
     where: Rule = Field(default=Expression("1"))
@@ -99,7 +99,7 @@ def grown(fields: Fields, config: Any, *groups: str) -> list[Mesh]:
 def density_of(fields: Fields, layer: Plants, given: float | None = None) -> float:
     """Density before it is thinned; ``given`` is that of the layout, if it has one."""
     wanted = layer.per_m2 if given is None else given
-    wanted = fields.constant(wanted) if isinstance(wanted, Expression) else wanted
+    wanted = fields.constant(wanted) if isinstance(wanted, Constant) else wanted
     if layer.mean:
         axes = [np.arange(-side / 2 + 0.5, side / 2, 1.0) for side in fields.size]
         wanted /= max(float(fields.on(layer.where, (axes[0], axes[1])).clip(0, 1).mean()), 1e-3)
