@@ -239,7 +239,8 @@ class ObjectGroup:
         """
         if len(placed) < self.count:
             raise CrowdedWorldError(
-                f"only {len(placed)} of {self.count} objects of kind {self.kind} fit in the world; reduce the layout's count"
+                f"only {len(placed)} of {self.count} objects of kind {self.kind} fit in the world; "
+                "reduce the layout's count"
             )
         return list(placed)
 

@@ -333,8 +333,9 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season),
-    }  # fmt: skip
+        "size": (Size, description.size),
+        "season": (Annotated[str, GroundConfig.model_fields["season"]], description.season),
+    }
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
     keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}
