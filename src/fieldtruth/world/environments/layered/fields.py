@@ -12,12 +12,14 @@ from zlib import crc32
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.expressions import Drawn, Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.model import Instance, Mesh, Raster, water_at
+from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
 
@@ -45,25 +47,36 @@ class Fields:
     lines: Mapping[str, Line]
     height: Array | None = None
     """Height [m] at the nodes."""
-    crown: Raster | None = None
+    crowns: dict[str, Raster] = field(default_factory=dict)
+    """Share of crowns at the nodes, of all and of some objects, once these are placed."""
     water: float | Raster | None = None
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
     """Individuals of the groups that are grown."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
+    """Objects of those layers."""
+    ground: Callable[[Array], Array] | None = None
+    """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
+    far: list[FarSwarm] = field(default_factory=list)
+    """Objects of layers that are beyond the edge."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
-        return self._values(rule, xy, {})
+        return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+        return self.over(axes)(rule)
+
+    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+        """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
+        xy, cache = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), dict[str, Array]()
+        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -83,8 +96,18 @@ class Fields:
             mean = gaussian_filter(grid(values), float(np.max(length)) / spacing, mode="nearest")
             return np.asarray(mean).reshape(-1)
 
+        def points(per_ha: Array) -> Array:
+            count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
+            centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
+
         xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self._values(rule, xy, {"noise": noise, "distance": distance, "blur": blur}).reshape(shape)
+        drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
+        return self._values(rule, xy, drawn, {}).reshape(shape)
+
+    def constant(self, rule: Constant) -> float:
+        """Value of a rule of parameters."""
+        return float(self.at(rule, np.zeros((1, 2)))[0])
 
     def anywhere(self, name: str, xy: Array) -> Array:
         """Values (n,) of a parameter, or of the distance to a layer's objects, also beyond the edge."""
@@ -97,9 +120,7 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
-        cache: dict[str, Array] = {}
-
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
         def lookup(name: str) -> Array:
             if name not in cache:
                 cache[name] = self._known(name, xy, lookup)
@@ -110,6 +131,8 @@ class Fields:
         return values
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        if name in self.parameters:
+            return self.anywhere(name, xy)
         x, y = xy.T
         match name:
             case "x" | "y":
@@ -127,8 +150,8 @@ class Fields:
                 along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
                 across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
-            case "crown":
-                return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "crown" | "crown_needles" | "crown_leaves":
+                return self.crowns[name].at(x, y) if name in self.crowns else np.zeros(len(xy))
             case "above_water":
                 above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
                 return np.asarray(np.minimum(above, FAR))
