@@ -203,6 +203,8 @@ def make_swarm(
 
 EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
+Pose = Callable[[Mesh, Array, float, float], Array]
+"""Pose (4, 4) of a mesh at a position (2,), with a yaw [rad] and a scale."""
 Attempt = Callable[[Array, int, bool], Instance | None]
 """Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
@@ -401,9 +403,9 @@ class WorldBuilder:
         candidates: Array,
         *,
         eases: Sequence[float] = EASES,
-        pose: Callable[[Array, float, float], Array] | None = None,
+        pose: Pose | None = None,
     ) -> list[Instance]:
-        """Place objects at candidates (n, 2), upright or at the ``pose`` (4, 4) of a position, a yaw and a scale.
+        """Place objects at candidates (n, 2), upright or at a ``pose``.
 
         Draws for each candidate a scale, and for a placed object yaw and tint.
 
@@ -419,7 +421,7 @@ class WorldBuilder:
             yaw, tint = float(rng.uniform(0.0, 2.0 * np.pi)), random_tint(rng, group.tint)
             if pose is None:
                 return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=tint)
-            return self.add(group.kind, mesh, pose(xy, yaw, scale), [(*xy, radius)], tint=tint)
+            return self.add(group.kind, mesh, pose(mesh, xy, yaw, scale), [(*xy, radius)], tint=tint)
 
         placed = place_until_count(group.count, candidates, attempt, spacings=eased(group.spacing, eases))
         return group.check_complete(placed)

@@ -17,6 +17,8 @@ from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.steps import shape
+from fieldtruth.world.environments.layered.surroundings import shape_surroundings
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -52,7 +54,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     description = DESCRIPTIONS[config.environment]
     config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
-    fields.height = shape(fields, description)
+    fields.height = shape_relief(fields, description)
     sheets = lay_water(fields, description)
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
@@ -87,18 +89,11 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
-def shape(fields: Fields, description: Description) -> Array:
-    """Heights [m] at the nodes: the relief's layers in turn, each of which knows those before it."""
-    height = np.zeros([len(axis) for axis in fields.nodes])
-    for name, layer in description.relief.items():
-        fields.height, key = height, f"relief.{name}"
-        height = height + fields.draw(layer, key) if isinstance(layer, Expression) else layer.apply(fields, key)
-    return height
-
-
-def constant(fields: Fields, rule: Expression) -> float:
-    """Value of a rule of parameters."""
-    return float(fields.at(rule, np.zeros((1, 2)))[0])
+def shape_relief(fields: Fields, description: Description) -> Array:
+    """Heights [m] at the nodes: the relief, which begins with the land of the grids about the world."""
+    fields.land = shape_surroundings(fields, description.surroundings)
+    x, y = np.meshgrid(*fields.nodes, indexing="ij")
+    return shape(fields, description.relief, np.zeros(x.shape) if fields.land is None else fields.land(x, y), "relief")
 
 
 def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
@@ -112,7 +107,7 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = level = constant(fields, description.water.level)
+    fields.water = level = fields.constant(description.water.level)
     x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
     return [(make_flat_sheet("water", x, y), level)]
 
@@ -143,7 +138,7 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
     assert fields.height is not None
     heights = with_microrelief(fields.height, fields.nodes, fine, cover, rng_of(fields.seed, "microrelief"))
     field = make_heightfield(heights, config.grid, *fine)
-    return WorldBuilder(field, config.size, fields.trails, fields.corridors)
+    return WorldBuilder(field, config.size, fields.trails, fields.corridors, description.corridor_width)
 
 
 def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:
@@ -158,7 +153,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
         ground_materials=tuple(shares),
         trail_material=trail.material,
         border_material=trail.border,
-        border_width=constant(fields, trail.border_width),
+        border_width=fields.constant(trail.border_width),
     )
 
 

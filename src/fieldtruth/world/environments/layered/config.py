@@ -22,7 +22,8 @@ from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
 from fieldtruth.world.environments.layered.sections import Layer, Rule, Ruled
-from fieldtruth.world.environments.layered.steps import Step, step_of
+from fieldtruth.world.environments.layered.steps import Relief, rules_of
+from fieldtruth.world.environments.layered.surroundings import Surroundings
 from fieldtruth.world.environments.layout import (
     PLANTED,
     PLANTINGS,
@@ -41,8 +42,8 @@ from fieldtruth.world.seasons import SUMMER, seasons
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
-SHAPED: Final = frozenset({"height", "slope"})
-"""Height [m] and slope [deg] of the relief."""
+SHAPED: Final = frozenset({"height", "slope", "drained"})
+"""Height [m] and slope [deg] of the relief, and the area [m^2] that drains through a position."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
 LATE: Final = frozenset({"crown", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, 0 before there are any, and height [m] of
@@ -127,14 +128,14 @@ class Description(Frozen):
     trails: Trails = ()
     trail_width: Positive = 1.6
     trail: TrailSurface = TrailSurface()
-    relief: Mapping[
-        str, Annotated[Expression | Step, PlainValidator(step_of)]
-    ] = {}  # heights [m] that are added, steps
+    surroundings: Mapping[str, Surroundings] = {}  # grids about the world, the widest first
+    relief: Mapping[str, Relief] = {}  # heights [m] that are added, and steps
     water: Water | None = None
     puddles: Puddles | None = None
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
     objects: Mapping[str, Annotated[Layer, PlainValidator(_layer)]] = {}
     plants: Mapping[str, Plants] = {}
+    corridor_width: Positive = 2.0  # [m]
     seasonal: Mapping[str, Mapping[str, tuple[str, ...]]] = {}  # other species of groups by season: stages of crops
     litter_amount: Annotated[Number, Field(ge=0, le=4)] = 1.0
     beyond: Beyond = Beyond()
@@ -192,9 +193,10 @@ class Description(Frozen):
         yield from (
             (f"fields.{key}", rule, early | SHAPED | set(self.fields), nodes) for key, rule in self.fields.items()
         )
-        for key, step in self.relief.items():
-            for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
-                yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
+        reliefs = {f"surroundings.{key}.relief": grid.relief for key, grid in self.surroundings.items()}
+        for at, layers in {**reliefs, "relief": self.relief}.items():
+            for key, rule, constant in rules_of(layers):
+                yield f"{at}.{key}", rule, numbers if constant else flat, nodes
         yield from ((f"water.{key}", rule, numbers, set()) for key, rule in (self.water.rules() if self.water else ()))
         yield from ((f"trail.{key}", rule, numbers, set()) for key, rule in self.trail.rules())
         if self.puddles is not None:
@@ -224,8 +226,9 @@ class Description(Frozen):
         if name in seen:
             raise ValueError(f"fields.{name}: follows from itself")
         names = self.fields[name].names if name in self.fields else set()
+        shaped = bool(names & SHAPED) or (name in self.fields and "uphill" in self.fields[name].drawn)
         follows = [self._is_shaped(each, seen | {name}) for each in sorted(names)]  # all: each may follow from itself
-        return bool(names & SHAPED) or any(follows)
+        return shaped or any(follows)
 
 
 def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:
@@ -275,7 +278,7 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season), "beyond": (Boolean, True),
+        "size": (Size, description.size), "season": (str, description.season),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
@@ -284,6 +287,7 @@ def model_of(name: str) -> type[GroundConfig]:
     for key, plants in description.plants.items():
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
+    keys["beyond"] = (Boolean, True)
     model = create_model("Config", __base__=GroundConfig, **keys)
     grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]
     model.environment, model.counted_in = name, description.size

@@ -46,7 +46,13 @@ FUNCTIONS: Final[Mapping[str, tuple[Callable[..., Any], int, int]]] = {
     "max": (lambda *values: reduce(np.maximum, values), 2, 9),
 }  # fmt: skip
 """Functions with their least and greatest number of arguments. Angles of sin and cos are in radians."""
-DRAWN: Final[Mapping[str, tuple[int, int]]] = {"noise": (1, 3), "distance": (1, 1), "blur": (2, 2), "waves": (2, 2)}
+DRAWN: Final[Mapping[str, tuple[int, int]]] = {
+    "noise": (1, 3),
+    "distance": (1, 1),
+    "blur": (2, 2),
+    "uphill": (2, 2),
+    "waves": (2, 2),
+}
 """Functions that need a whole grid or a seed, with their least and greatest number of arguments: see ``Fields`` and
 ``Land``."""
 _BINARY: Final[Mapping[type, Callable[[Any, Any], Any]]] = {

@@ -7,18 +7,18 @@ interpolated; all others are computed where they are asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from zlib import crc32
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.expressions import Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
 from fieldtruth.world.model import Mesh, Raster, water_at
-from fieldtruth.world.relief import Axes
+from fieldtruth.world.relief import Axes, eroded
 from fieldtruth.world.stand import Stand
 
 FAR = 1e3
@@ -50,20 +50,28 @@ class Fields:
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
     """Individuals of the groups that are grown."""
+    surroundings: Raster | None = None
+    """Height [m] of the finest grid about the world, if there is one."""
+    land: Callable[[Array, Array], Array] | None = None
+    """Height [m] of the land at x, y [m] as the grids about the world have it."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
-    _drawn: dict[str, Raster] = field(default_factory=dict)
+    drawn: dict[str, Raster] = field(default_factory=dict)
+    """Fields that are drawn."""
+    _distances: dict[tuple[float, ...], dict[str, Array]] = field(default_factory=dict)
+    """Distances to lines by the grid on which they are known."""
+    _routed: tuple[Array | None, Raster] | None = None
+    """Height and the drained area that follows from it."""
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
-        return self._values(rule, xy, {})
+        return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+        return self._on(rule, axes, {})
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -83,8 +91,14 @@ class Fields:
             mean = gaussian_filter(grid(values), float(np.max(length)) / spacing, mode="nearest")
             return np.asarray(mean).reshape(-1)
 
-        xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self._values(rule, xy, {"noise": noise, "distance": distance, "blur": blur}).reshape(shape)
+        def uphill(values: Array, length: Array) -> Array:
+            return self._uphill(grid(values), float(np.max(length)) / spacing).reshape(-1)
+
+        return self._on(rule, self.nodes, {"noise": noise, "distance": distance, "blur": blur, "uphill": uphill})
+
+    def constant(self, rule: Expression) -> float:
+        """Value of a rule of parameters."""
+        return float(self.at(rule, np.zeros((1, 2)))[0])
 
     def anywhere(self, name: str, xy: Array) -> Array:
         """Values (n,) of a parameter, or of the distance to a layer's objects, also beyond the edge."""
@@ -97,13 +111,19 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
+    def _on(self, rule: Expression, axes: Axes, drawn: Drawn) -> Array:
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        known = self._distances.setdefault(tuple(float(n) for axis in axes for n in (*axis[:2], len(axis))), {})
+        return self._values(rule, nodes, drawn, known).reshape(len(axes[0]), len(axes[1]))
+
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, distances: dict[str, Array]) -> Array:
         cache: dict[str, Array] = {}
 
         def lookup(name: str) -> Array:
-            if name not in cache:
-                cache[name] = self._known(name, xy, lookup)
-            return cache[name]
+            known = distances if name in ("trail", "corridor", *self.lines) else cache
+            if name not in known:
+                known[name] = self._known(name, xy, lookup)
+            return known[name]
 
         values = np.broadcast_to(rule.values(lookup, drawn), (len(xy),)).astype(np.float64)
         check_finite(rule, values, xy)
@@ -127,6 +147,8 @@ class Fields:
                 along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
                 across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
+            case "drained":
+                return np.asarray(np.exp(self._drained().at(x, y)))
             case "crown":
                 return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
             case "above_water":
@@ -139,9 +161,24 @@ class Fields:
         rule = self.rules[name]
         if not rule.drawn:
             return np.broadcast_to(rule.values(lookup), (len(xy),))
-        if name not in self._drawn:
-            self._drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
-        return self._drawn[name].at(x, y)
+        if name not in self.drawn:
+            self.drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
+        return self.drawn[name].at(x, y)
+
+    def _uphill(self, values: Array, nodes: float) -> Array:
+        """Values (nx, ny) as many ``nodes`` up the slope of the relief, which is smoothed over half of that."""
+        assert self.height is not None
+        up = np.array(np.gradient(gaussian_filter(self.height, nodes / 2.0, mode="nearest")))
+        up *= nodes / np.maximum(np.hypot(*up), 1e-12)
+        return np.asarray(map_coordinates(values, np.indices(values.shape) + up, order=1, mode="nearest"))
+
+    def _drained(self) -> Raster:
+        """Logarithm of the area [m^2] that drains through each node, on the grid about the world if there is one."""
+        ground = self.surroundings or self._raster("height", self.height)
+        if self._routed is None or self._routed[0] is not self.height:
+            area = eroded(ground.values.astype(np.float64), ground.spacing, strength=0.0, creep=0.0, steps=0).drained
+            self._routed = self.height, replace(ground, values=np.log(area).astype(np.float32))
+        return self._routed[1]
 
     def _raster(self, name: str, values: Array | None) -> Raster:
         if values is None:

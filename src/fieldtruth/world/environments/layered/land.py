@@ -93,7 +93,9 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> t
     """Land around the world, as triangles and as heights [m]: hills, and behind the trees a canopy, if there is one."""
     rng, size, roof, far = rng_of(fields.seed, "beyond"), builder.size, beyond.canopy, FarFields(fields, beyond)
     names = [beyond.material, *([] if roof is None else [roof.material]), *beyond.materials]
-    if roof is None:
+    if fields.land is not None:
+        hills = fields.land
+    elif roof is None:
         hills = rolling_hills(size, rng, height=beyond.hills)
     else:
         hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)

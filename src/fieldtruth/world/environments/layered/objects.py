@@ -21,9 +21,13 @@ from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule
 from fieldtruth.world.environments.layout import PLANTINGS, Count, Share
 from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import FURNITURE, make_furniture
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, random_tint, tilted, upright_pose
+from fieldtruth.world.model import Mesh
+from fieldtruth.world.placement import EASES, ObjectGroup, Pose, WorldBuilder, random_tint, tilted, upright_pose
+from fieldtruth.world.rocks import rock_pose
 from fieldtruth.world.stand import Stand
 
+EASED: Final = (*EASES, 0.3, 0.0)
+"""Shares of the spacing of a layer that are tried in turn."""
 TRIES: Final = 6000
 """Random positions of a layer in a world as large as the built-in ones."""
 
@@ -42,6 +46,7 @@ class Objects(Layer):
     tint: Distance = 0.08
     tilt: Share = 0.0  # share of the slope by which they lean
     sink: Distance = 0.0  # [m]
+    bedded: Boolean = False  # rocks: inclined with the slope, and sunk until their whole rim is in the ground
     aligned: Boolean = False  # turned along their row or line; otherwise at random
     footprint: Positive = 1.0  # share of the footprint's radius that is kept free: crowns reach into each other below 1
     stand: Boolean = False  # trees that find light between those that stand
@@ -100,15 +105,17 @@ def _place(builder: WorldBuilder, fields: Fields, config: Any, layer: Objects, n
         fields.stand.plant(group, rng, allowed)
     else:
         darts = builder.random_positions(builder.tries(TRIES), rng)
-        builder.place(group, rng, darts[allowed(darts)], pose=_pose(builder, layer))
+        builder.place(group, rng, darts[allowed(darts)], eases=EASED, pose=_pose(builder, layer))
 
 
-def _pose(builder: WorldBuilder, layer: Objects) -> Callable[[Array, float, float], Array] | None:
+def _pose(builder: WorldBuilder, layer: Objects) -> Pose | None:
     """Pose of an object that leans with the slope or is sunk into it; None where it just stands."""
+    if layer.bedded:
+        return lambda mesh, xy, yaw, scale: rock_pose(builder.field, mesh, float(xy[0]), float(xy[1]), yaw, scale)
     if not layer.tilt and not layer.sink:
         return None
 
-    def pose(xy: Array, yaw: float, scale: float) -> Array:
+    def pose(_: Mesh, xy: Array, yaw: float, scale: float) -> Array:
         x, y = xy
         dx, dy = builder.field.slope_at(x, y)
         found = upright_pose(x, y, yaw, scale)
@@ -151,5 +158,5 @@ def _place_all(
         if made is None:
             builder.add_upright(group.kind, mesh, (x, y), yaw=yaw, scale=scale, tint=tint)
         else:
-            pose = made(np.array([x, y]), yaw, scale)
+            pose = made(mesh, np.array([x, y]), yaw, scale)
             builder.add(group.kind, mesh, pose, [(x, y, mesh.footprint * scale)], tint=tint)
