@@ -8,7 +8,7 @@ import pytest
 from fieldtruth.maps.osm import Feature
 from fieldtruth.world.environments.site.config import Config
 from fieldtruth.world.environments.site.planting import HEIGHTS, plant_trees
-from fieldtruth.world.environments.site.sources import Stem
+from fieldtruth.world.environments.site.sources import Stem, read_stems
 from fieldtruth.world.environments.site.surfaces import ways_of
 from fieldtruth.world.environments.site.water import lay_water
 from fieldtruth.world.model import Heightfield
@@ -31,6 +31,39 @@ def test_each_step_of_height_has_meshes_of_its_own() -> None:
         tops[round(float(pose[0, 3]))] = float((vertices @ pose[2, :3]).max())
     assert [tops[round(stem.x)] for stem in stems] == pytest.approx([stem.height for stem in stems], rel=1e-3)
     assert len({tree.mesh for tree in builder.instances}) == len(stems)
+
+
+def test_trunks_are_as_thick_as_the_map_says() -> None:
+    """At breast height, seen and as a collider; crown and height stay those of a tree whose diameter is not known."""
+    ground = Heightfield(heights=np.zeros((25, 17), np.float32), spacing=1.0, x0=-12.0, y0=-8.0)
+    builder = WorldBuilder(ground, SIZE, [], [])
+    diameters = [np.nan, 0.2, 0.4, 0.5]
+    stems = [Stem(5.0 * k - 8.0, 0.0, 12.0, np.nan, "beech", each) for k, each in enumerate(diameters)]
+    plant_trees(
+        builder, [stem._replace(x=-8.0) for stem in stems[:1]], CONFIG, np.random.default_rng(0), lambda _: None
+    )
+    plant_trees(builder, stems[1:], CONFIG, np.random.default_rng(0), lambda _: None)
+    seen, crowns = [], []
+    for tree in builder.instances:
+        mesh, scale = builder.meshes[tree.mesh], float(np.linalg.norm(tree.world_from_object[:3, 0]))
+        wood = mesh.vertices[np.unique(mesh.faces[mesh.material == 0])].astype(np.float64) * scale
+        low = wood[(np.hypot(*wood[:, :2].T) < 0.5) & (wood[:, 2] > 0.8) & (wood[:, 2] < 1.8), :2]
+        seen.append(2.0 * float(np.median(np.hypot(*(low - np.median(low, axis=0)).T))))
+        assert 2.0 * scale * mesh.colliders[0].size[0] == pytest.approx(1.1 * seen[-1], rel=0.12)
+        crowns.append(float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), 0.9) * scale))
+        assert mesh.vertices[:, 2].max() * scale == pytest.approx(12.0, rel=1e-3)
+    assert seen[1:] == pytest.approx(diameters[1:], rel=0.12)  # a step is a factor of 1.2
+    assert max(crowns) / min(crowns) < 1.02
+    assert len({tree.mesh for tree in builder.instances}) > 2
+
+
+def test_a_tree_of_the_map_has_the_crown_and_the_girth_of_its_tags() -> None:
+    tags = {"natural": "tree", "crown": "7.2 m", "circumference": "1.57", "species": "Quercus robur"}
+    found = Feature("tree", np.array([(1.0, 2.0)]), False, tags, None, 11.0)
+    bare = Feature("tree", np.array([(5.0, 2.0)]), False, {"natural": "tree"})
+    first, second = read_stems(CONFIG, CONFIG.place, [found, bare], np.random.default_rng(0))
+    assert first == Stem(1.0, 2.0, 11.0, 3.6, "oak", pytest.approx(0.5, abs=1e-3))
+    assert np.isnan([second.crown, second.diameter]).all()
 
 
 @pytest.mark.parametrize(("kind", "width"), [("path", 3.0), ("path", None), ("track", 2.5), ("road", None)])

@@ -61,6 +61,7 @@ class PlantGroup:
     form: Literal["tree", "snag", "log", "stump", "twigs", "bush", "tuft", "clump", "rock"]
     name: str  # of a mesh; ``{species}`` and ``{k}``, the number of the individual, are replaced
     species: Mapping[str, Heights] = field(default_factory=dict)  # heights [m], or shares of a clump's tufts
+    mixture: str = ""  # key of the layout that has the shares of the species, instead
     mixed: tuple[str, ...] = ()  # species of one individual each, in this order, instead; names may occur again
     heights: Heights | None = None  # [m] of species that are not listed; None: between those of the listed ones
     relative: bool = False  # heights are relative to that of a grown plant
@@ -122,6 +123,15 @@ PLANTINGS: Final = Library("environments", _planting, lambda _: ())
 """Plants, rocks and corridors by environment, one data file each."""
 
 
+def check_shares(group: PlantGroup, shares: Mapping[str, float]) -> None:
+    """Check the species of a mixture for a group; raises ValueError."""
+    known = sorted(_LIBRARIES[group.form])
+    for unknown in (name for name in shares if name not in known):
+        raise ValueError(f"unknown species {unknown!r}; {suggestion(unknown, known)}")
+    if not sum(shares.values()) > 0:
+        raise ValueError(f"at least one share must be above 0. Available: {', '.join(known)}")
+
+
 def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
     """Check the species that a layout names by group; raises ValueError."""
     known_groups = PLANTINGS[environment].groups.items() if plants else ()
@@ -139,7 +149,7 @@ def check_plants(environment: str, plants: Mapping[str, Sequence[str]]) -> None:
 class Planter:
     """Grows an environment's plants; ``plants`` are species by group, instead of the usual ones.
 
-    ``numbers`` are those of the layout, by which groups may be counted.
+    ``numbers`` are the values of the layout, of which groups may have their counts and the shares of their species.
     """
 
     def __init__(
@@ -151,7 +161,12 @@ class Planter:
     def species(self, group: str) -> tuple[str, ...]:
         """Names of a group's species."""
         form = self._planting.groups[group]
-        return tuple(self._plants.get(group) or form.mixed or form.species)
+        return tuple(self._plants.get(group) or self.shares(group) or form.mixed or form.species)
+
+    def shares(self, group: str) -> Mapping[str, float]:
+        """Shares by species of a group, without those that are 0; empty where all are as frequent."""
+        found = self._numbers.get(self._planting.groups[group].mixture, {})
+        return {name: share for name, share in found.items() if share > 0}
 
     def grow(
         self, group: str, rng: np.random.Generator, *, count: int | None = None, species: Iterable[str] | None = None
@@ -228,10 +243,12 @@ HILLS: Final = 0.2
 MOST: Final = 400
 """Objects of a kind in a built-in world, or in a smaller one, at most; larger ones have as many to the hectare."""
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
+Season = Annotated[str, Field(description="a season: spring, summer, autumn or winter")]
 Spacing = Annotated[Number, Field(ge=0.01, le=1)]
-Count = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "area"]
+_NUMBER: Final = Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare")
+Count = Annotated[Integer, _NUMBER, "area"]
 """Of objects; where it is not given it grows with the world's area."""
-ShoreCount = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "shore"]
+LengthCount = Annotated[Integer, _NUMBER, "length"]
 """Of objects along a line across the world, along x; where it is not given it grows with the world's length."""
 Density = Annotated[Number, Field(ge=0, le=20)]
 Individuals = Annotated[Integer, Field(ge=1, le=32)]
@@ -255,7 +272,7 @@ class GroundConfig(ClassesConfig):
     size: Size = BUILT_IN  # [m] along x (north) and y (west)
     grid: Spacing = 0.05  # [m] between the terrain's nodes
     roughness: Mapping[str, str] = Field(default={}, description="classes A to H of ISO 8608 by ground type")
-    season: str = Field(default=SUMMER, description="a season: spring, summer, autumn or winter")
+    season: Season = SUMMER
     drought: Share = USUAL  # 0 lush .. 1 dry: colours of grass
     snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
     plants: Mapping[str, tuple[str, ...]] = Field(default={}, description="lists of species by group of plants")
@@ -312,7 +329,7 @@ class GroundConfig(ClassesConfig):
         longer = self.size[0] / self.counted_in[0]
         changes: dict[str, Any] = {"grid": self.spacing}
         for name, by in self._counts().items():
-            changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger(self.counted_in)))
+            changes[name] = round(getattr(self, name) * (longer if by == "length" else self._larger(self.counted_in)))
         if lines := getattr(self, "trails", ()):
             changes["trails"] = network(lines, self.size, self.counted_in)
         return self.model_copy(update={k: v for k, v in changes.items() if k not in self.model_fields_set})
@@ -324,7 +341,7 @@ class GroundConfig(ClassesConfig):
     @classmethod
     def _counts(cls) -> dict[str, str]:
         """Names of the counts, with what they grow with."""
-        grow = {name: [m for m in info.metadata if m in ("area", "shore")] for name, info in cls.model_fields.items()}
+        grow = {name: [m for m in info.metadata if m in ("area", "length")] for name, info in cls.model_fields.items()}
         return {name: found[0] for name, found in grow.items() if found}
 
     @property

@@ -222,6 +222,8 @@ WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
 LEAST_DETAIL: Final = 0.005
 LOW: Final = 1.4  # [m], height below which branches can touch a robot
 TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
+COLLIDER: Final = 1.1
+"""Radius of a tree's collider over that of its trunk at breast height."""
 
 
 def grow_tree(
@@ -239,9 +241,9 @@ def grow_tree(
     such habits. ``detail`` (0.005 to 1) is the share of the leaves (1: up to 100,000, of real size, with two triangles
     each); the fewer are larger, with the same total area. The same ``rng`` gives the same stems at each detail.
 
-    The collider is the trunk, 2 m high, with 1.1 times the radius at breast height. The footprint [m] is 0.3 m more, or
-    the extent of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may be below a
-    crown, neighbouring crowns may touch, and those of a stand interlock.
+    The collider is the trunk, 2 m high, with ``COLLIDER`` times the radius at breast height. The footprint [m] is 0.3 m
+    more, or the extent of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may
+    be below a crown, neighbouring crowns may touch, and those of a stand interlock.
 
     Raises ValueError for a height below half or above twice that of the habit.
     """
@@ -255,7 +257,7 @@ def grow_tree(
         surfaces.insert(-1, (_tubes(dry, drawn.dead), WOOD))
     stem = skeleton[0]
     _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
-    breast = 1.1 * float(radius[0])
+    breast = COLLIDER * float(radius[0])
     collider = Collider(shape="cylinder", size=(breast, min(TREE_COLLIDER_HEIGHT, 0.9 * height)))
     footprint = max(breast + 0.3, _low_extent(surfaces))
     if grown_in != "stand":

@@ -2,23 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.land import make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
 from fieldtruth.world.environments.layered.steps import shape
 from fieldtruth.world.environments.layered.surroundings import shape_surroundings
+from fieldtruth.world.environments.layered.trails_beyond import with_trails
+from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -29,20 +32,19 @@ from fieldtruth.world.grids import (
     make_heightfield,
     make_raster,
     make_trails,
-    under_circles,
 )
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Instance, Mesh, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.relief import Axes, with_layer, with_microrelief
+from fieldtruth.world.relief import with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
-CANOPY: Final = 0.8
-"""Distance [m] over which a crown's share of the ground fades at its rim."""
 TRAIL: Final = Expression("trail")
-BEYOND: Final = 60.0
-"""Distance [m] to which water goes on beyond the edge."""
+MESHES: Final = 13
+"""Nodes along each side of a sheet of water at least."""
+WIDE: Final = 75.0
+"""Distance [m] between them at most."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -59,9 +61,15 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
-    for name, layer in description.objects.items():
-        layer.place(builder, fields, config, name)
-    fields.crown = crowns(builder, fields.nodes)
+    if description.water is not None:
+        builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
+
+    def ground(xy: Array) -> Array:
+        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
+
+    fields.ground = ground
+    place_objects(builder, fields, config, description)
+    fields.crowns, fields.near["foot"] = crowns(builder, fields.nodes), nearest(feet(builder))
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
     land = make_land_beyond(builder, fields, description.beyond)
@@ -71,11 +79,24 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         name=config.environment,
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
-        backdrop=land[0],
-        beyond=swarms_beyond(builder, fields, config, description.beyond, land),
+        backdrop=with_trails(land.mesh, land.trails, terrain, builder.size),
+        beyond=[*fields.far, *swarms_beyond(builder, fields, config, description.beyond, land)],
         litter=config.litter,
         objects=config.objects,
     )
+
+
+def place_objects(builder: WorldBuilder, fields: Fields, config: Any, description: Description) -> None:
+    """Place the objects of all layers in turn; the ground is raised over roots when the last of them are there."""
+    rooted, missing = list[Instance](), set(description.roots)
+    for name, layer in description.objects.items():
+        first = len(builder.instances)
+        layer.place(builder, fields, config, name)
+        if name in missing:
+            rooted += builder.instances[first:]
+            missing.remove(name)
+            if not missing:
+                raise_roots(builder, rooted, rng_of(fields.seed, "roots"))
 
 
 def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
@@ -86,6 +107,7 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     }
     nodes = grid_axes(config.size, hills_spacing(config.size))
     parameters = {name: float(getattr(config, name)) for name in description.parameters}
+    parameters |= {"trail_width": trails[0].width if trails else 0.0, "spacing": float(nodes[0][1] - nodes[0][0])}
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
@@ -107,16 +129,18 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         return wet.sheets
     if description.water is None:
         return []
-    fields.water = level = fields.constant(description.water.level)
-    x, y = (np.linspace(-s / 2 - BEYOND, s / 2 + BEYOND, 13) for s in fields.size)
-    return [(make_flat_sheet("water", x, y), level)]
+    water = description.water
+    fields.water = level = fields.constant(water.level)
+    reach = [s / 2 + water.beyond for s in fields.size]
+    x, y = (np.linspace(-half, half, max(MESHES, round(2 * half / WIDE))) for half in reach)
+    return [(make_flat_sheet(water.name, x, y), level)]
 
 
-def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dict[str, Array]:
+def painted(values: Callable[[Expression], Array], ground: Mapping[str, Expression]) -> dict[str, Array]:
     """Share (nx, ny) of each material of the ground: each covers what is below it; the first one is everywhere."""
     shares: dict[str, Array] = {}
     for name, rule in ground.items():
-        opacity = np.clip(fields.on(rule, axes), 0.0, 1.0) if shares else np.ones([len(axis) for axis in axes])
+        opacity = np.clip(values(rule), 0.0, 1.0) if shares else np.ones_like(values(TRAIL))
         shares = {other: share * (1.0 - opacity) for other, share in shares.items()}
         shares[name] = opacity
     return shares
@@ -125,10 +149,9 @@ def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dic
 def make_ground(fields: Fields, config: Any, description: Description) -> WorldBuilder:
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
-    on_trail = np.clip(0.5 - fields.on(TRAIL, fields.nodes) / 0.2, 0.0, 1.0)
-    shares = {
-        name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes, description.ground).items()
-    }
+    values = fields.over(fields.nodes)
+    on_trail = np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
+    shares = {name: (1.0 - on_trail) * share for name, share in painted(values, description.ground).items()}
     for name, share in (*shares.items(), (description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
         if ground:
@@ -144,30 +167,15 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
 def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:
     """Terrain with its materials; edges of trails are ragged."""
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
-    shares, trail = painted(fields, axes, description.ground), description.trail
+    values, trail = fields.over(axes), description.trail
+    shares = painted(values, description.ground)
     ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(fields.on(TRAIL, axes) + 0.1 * ragged, cell, *axes),
+        trail_distance=make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes),
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,
         border_material=trail.border,
         border_width=fields.constant(trail.border_width),
     )
-
-
-def crowns(builder: WorldBuilder, axes: Axes) -> Raster:
-    """Share to which nodes are below crowns of trees and bushes."""
-    radii = {name: _crown(builder, mesh) for name, mesh in builder.meshes.items()}
-    poses = [(radii[each.mesh], each.world_from_object) for each in builder.instances if radii[each.mesh] > 0]
-    circles = [(*pose[:2, 3].tolist(), radius * float(np.linalg.norm(pose[:3, 0]))) for radius, pose in poses]
-    return make_raster(under_circles(circles, axes, CANOPY), float(axes[0][1] - axes[0][0]), *axes)
-
-
-def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
-    """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
-    materials = [builder.materials.get(name) or MATERIALS[name] for name in mesh.materials]
-    leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
-    faces = mesh.faces[np.isin(mesh.material, leafy)]
-    return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0

@@ -47,12 +47,9 @@ FUNCTIONS: Final[Mapping[str, tuple[Callable[..., Any], int, int]]] = {
 }  # fmt: skip
 """Functions with their least and greatest number of arguments. Angles of sin and cos are in radians."""
 DRAWN: Final[Mapping[str, tuple[int, int]]] = {
-    "noise": (1, 3),
-    "distance": (1, 1),
-    "blur": (2, 2),
-    "uphill": (2, 2),
-    "waves": (2, 2),
-}
+    "noise": (1, 3), "distance": (1, 1), "blur": (2, 2), "waves": (2, 2),
+    "points": (1, 1), "uphill": (2, 2),
+}  # fmt: skip
 """Functions that need a whole grid or a seed, with their least and greatest number of arguments: see ``Fields`` and
 ``Land``."""
 _BINARY: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
@@ -97,6 +94,10 @@ class Expression:
         """Values where ``lookup`` has those of the fields."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.asarray(_value(self._tree, lookup, drawn), np.float64)
+
+
+class Constant(Expression):
+    """An expression over an environment's parameters only."""
 
 
 def _check(node: ast.AST) -> None:

@@ -12,12 +12,14 @@ from zlib import crc32
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.expressions import Drawn, Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.model import Instance, Mesh, Raster, water_at
+from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes, eroded
 from fieldtruth.world.stand import Stand
 
@@ -45,7 +47,8 @@ class Fields:
     lines: Mapping[str, Line]
     height: Array | None = None
     """Height [m] at the nodes."""
-    crown: Raster | None = None
+    crowns: dict[str, Raster] = field(default_factory=dict)
+    """Share of crowns at the nodes, of all and of some objects, once these are placed."""
     water: float | Raster | None = None
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
@@ -56,14 +59,19 @@ class Fields:
     """Height [m] of the land at x, y [m] as the grids about the world have it."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
+    """Objects of those layers."""
+    ground: Callable[[Array], Array] | None = None
+    """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
+    far: list[FarSwarm] = field(default_factory=list)
+    """Objects of layers that are beyond the edge."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
-    drawn: dict[str, Raster] = field(default_factory=dict)
-    """Fields that are drawn."""
-    _distances: dict[tuple[float, ...], dict[str, Array]] = field(default_factory=dict)
-    """Distances to lines by the grid on which they are known."""
+    _drawn: dict[str, Raster] = field(default_factory=dict)
+    _at_nodes: dict[str, Array] = field(default_factory=dict)
+    """Positions of the nodes, and their distances from lines."""
     _routed: tuple[Array | None, Raster] | None = None
-    """Height and the drained area that follows from it."""
+    """Height, and the drained area that follows from it."""
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
@@ -71,7 +79,12 @@ class Fields:
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        return self._on(rule, axes, {})
+        return self.over(axes)(rule)
+
+    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+        """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
+        xy, cache = self._positions(axes), dict[str, Array]()
+        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -91,12 +104,32 @@ class Fields:
             mean = gaussian_filter(grid(values), float(np.max(length)) / spacing, mode="nearest")
             return np.asarray(mean).reshape(-1)
 
+        def points(per_ha: Array) -> Array:
+            count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
+            centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
+
         def uphill(values: Array, length: Array) -> Array:
             return self._uphill(grid(values), float(np.max(length)) / spacing).reshape(-1)
 
-        return self._on(rule, self.nodes, {"noise": noise, "distance": distance, "blur": blur, "uphill": uphill})
+        xy = self._positions(self.nodes)
+        drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points, "uphill": uphill}
+        return self._values(rule, xy, drawn, {}).reshape(shape)
 
-    def constant(self, rule: Expression) -> float:
+    def about(self, nodes: Axes) -> "Fields":
+        """Return the fields of another grid, on which nothing is drawn yet."""
+        own = {**self.parameters, "spacing": float(nodes[0][1] - nodes[0][0])}
+        return replace(self, parameters=own, nodes=nodes, near={}, _drawn={}, _at_nodes={})
+
+    def _positions(self, axes: Axes) -> Array:
+        """Positions (n, 2) of the nodes of axes [m]."""
+        if axes is not self.nodes:
+            return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        if not self._at_nodes:
+            self._at_nodes[""] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return self._at_nodes[""]
+
+    def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
         return float(self.at(rule, np.zeros((1, 2)))[0])
 
@@ -111,16 +144,10 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _on(self, rule: Expression, axes: Axes, drawn: Drawn) -> Array:
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        known = self._distances.setdefault(tuple(float(n) for axis in axes for n in (*axis[:2], len(axis))), {})
-        return self._values(rule, nodes, drawn, known).reshape(len(axes[0]), len(axes[1]))
-
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn, distances: dict[str, Array]) -> Array:
-        cache: dict[str, Array] = {}
-
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
         def lookup(name: str) -> Array:
-            known = distances if name in ("trail", "corridor", *self.lines) else cache
+            still = name in ("trail", "corridor", *self.lines) and xy is self._at_nodes.get("")
+            known = self._at_nodes if still else cache
             if name not in known:
                 known[name] = self._known(name, xy, lookup)
             return known[name]
@@ -130,6 +157,8 @@ class Fields:
         return values
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        if name in self.parameters:
+            return self.anywhere(name, xy)
         x, y = xy.T
         match name:
             case "x" | "y":
@@ -149,8 +178,8 @@ class Fields:
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
             case "drained":
                 return np.asarray(np.exp(self._drained().at(x, y)))
-            case "crown":
-                return np.zeros(len(xy)) if self.crown is None else self.crown.at(x, y)
+            case "crown" | "crown_needles" | "crown_leaves":
+                return self.crowns[name].at(x, y) if name in self.crowns else np.zeros(len(xy))
             case "above_water":
                 above = self._raster("height", self.height).at(x, y) - water_at(self.water, x, y)
                 return np.asarray(np.minimum(above, FAR))
@@ -161,9 +190,9 @@ class Fields:
         rule = self.rules[name]
         if not rule.drawn:
             return np.broadcast_to(rule.values(lookup), (len(xy),))
-        if name not in self.drawn:
-            self.drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
-        return self.drawn[name].at(x, y)
+        if name not in self._drawn:
+            self._drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
+        return self._drawn[name].at(x, y)
 
     def _uphill(self, values: Array, nodes: float) -> Array:
         """Values (nx, ny) as many ``nodes`` up the slope of the relief, which is smoothed over half of that."""

@@ -4,7 +4,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationError, model_validator
@@ -14,10 +14,10 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Integer, Number, PartError, Positive
-from fieldtruth.world.environments.layered.expressions import Expression
-from fieldtruth.world.environments.layered.fields import Fields
-from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
-from fieldtruth.world.relief import collapsed, eroded, limit_slope
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
+from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Rule, Ruled
+from fieldtruth.world.relief import collapsed, eroded, limit_slope, pits_and_mounds, slope_limit
 
 Rounds = Annotated[Integer, Field(ge=1, le=500)]
 STEEPEST: Final = 80.0
@@ -27,9 +27,6 @@ Slope = Annotated[Number, Field(ge=-STEEPEST, le=STEEPEST)]
 
 class Step(Ruled):
     """A step of a relief; its rules know what the relief's do."""
-
-    constants: ClassVar[frozenset[str]] = frozenset()
-    """Keys of the rules that have parameters only."""
 
     @abstractmethod
     def apply(self, fields: Fields, name: str) -> Array:
@@ -49,14 +46,52 @@ class Smooth(Step):
         return np.asarray(fields.height + fields.draw(self.share, f"{name}.share") * (mean - fields.height))
 
 
+class PitsAndMounds(Step):
+    """Adds the pits and mounds that uprooted trees have left."""
+
+    per_ha: Positive  # pairs to the hectare, before ``where``
+    where: Rule = Field(default=Expression("1"))  # chance of a pair
+
+    def apply(self, fields: Fields, name: str) -> Array:
+        """Return the heights with pits and mounds."""
+        assert fields.height is not None
+        rng, size = rng_of(fields.seed, name), np.array(fields.size)
+        positions = rng.uniform(-0.5, 0.5, (round(self.per_ha * float(size.prod()) / 1e4), 2)) * size
+        kept = positions[rng.random(len(positions)) < fields.at(self.where, positions)]
+        return np.asarray(fields.height + pits_and_mounds(*fields.nodes, kept, rng))
+
+
+class LimitSlope(Step):
+    """Makes a relief nowhere steeper than a limit, which rises with the distance from where it is least."""
+
+    along: Rule = Field(default=Expression("corridor"))  # [m]
+    within: Amount  # [deg] up to ``near`` [m]
+    beyond: Amount  # [deg] from ``far`` [m] on
+    near: Number
+    far: Number
+    rounds: Rounds = 40
+
+    @model_validator(mode="after")
+    def _far_is_farther(self) -> Self:
+        if self.far <= self.near:
+            raise ValueError("far must be above near")
+        return self
+
+    def apply(self, fields: Fields, name: str) -> Array:
+        """Return the heights whose slope is within the limit."""
+        assert fields.height is not None
+        within, beyond = (min(max(fields.constant(each), 0.0), STEEPEST) for each in (self.within, self.beyond))
+        distance = fields.draw(self.along, f"{name}.along")
+        limit = slope_limit(distance, within=within, beyond=beyond, near=self.near, far=self.far)
+        return limit_slope(fields.height, fields.spacing, limit, rounds=self.rounds)
+
+
 class Erode(Step):
     """Streams cut gullies, soil creeps, and what is too steep collapses; see ``world.relief``."""
 
-    constants = frozenset({"repose_deg"})
-
     strength: Rule = Field(default=Expression("0.02"))  # [m] that a stream of 1 m2 cuts into a slope of 1 per step
     creep: Distance = 0.02  # [m2] per step, diffusion
-    repose_deg: Rule = Field(default=Expression("36"))  # what is steeper collapses
+    repose_deg: Amount = Field(default=Constant("36"))  # what is steeper collapses
     steps: Rounds = 30
 
     def apply(self, fields: Fields, name: str) -> Array:
@@ -70,28 +105,13 @@ class Erode(Step):
 class Collapse(Step):
     """Slopes that are too steep collapse into the lower ground."""
 
-    constants = frozenset({"repose_deg"})
-
-    repose_deg: Rule = Field(default=Expression("36"))
+    repose_deg: Amount = Field(default=Constant("36"))
     steps: Rounds = 30
 
     def apply(self, fields: Fields, name: str) -> Array:
         """Return the heights after the collapse."""
         assert fields.height is not None
         return collapsed(fields.height, fields.spacing, repose_deg=fields.constant(self.repose_deg), steps=self.steps)
-
-
-class LimitSlope(Step):
-    """Slopes nowhere exceed a limit, without edges and with the same mean height, as about a track across a flank."""
-
-    steepest_deg: Rule
-    rounds: Rounds = 60
-
-    def apply(self, fields: Fields, name: str) -> Array:
-        """Return the heights with limited slopes."""
-        assert fields.height is not None
-        steepest = np.radians(fields.draw(self.steepest_deg, f"{name}.steepest_deg").clip(0.0, STEEPEST))
-        return limit_slope(fields.height, fields.spacing, np.tan(steepest), rounds=self.rounds)
 
 
 class Profile(Step):
@@ -121,7 +141,8 @@ class Profile(Step):
 
 
 STEPS: Final[dict[str, type[Step]]] = {
-    "smooth": Smooth, "erode": Erode, "collapse": Collapse, "limit_slope": LimitSlope, "profile": Profile,
+    "smooth": Smooth, "pits_and_mounds": PitsAndMounds, "limit_slope": LimitSlope, "erode": Erode, "collapse": Collapse,
+    "profile": Profile,
 }  # fmt: skip
 """Steps by the key under which a file has their values."""
 
@@ -158,10 +179,10 @@ def shape(fields: Fields, layers: Mapping[str, Expression | Step], start: Array,
     return height
 
 
-def rules_of(layers: Mapping[str, Expression | Step]) -> Iterator[tuple[str, Expression, bool]]:
-    """Yield the rules of layers of relief by their keys, and whether they may have parameters only."""
+def rules_of(layers: Mapping[str, Expression | Step]) -> Iterator[tuple[str, Expression]]:
+    """Yield the rules of layers of relief by their keys."""
     for key, layer in layers.items():
         if isinstance(layer, Expression):
-            yield key, layer, False
+            yield key, layer
         else:
-            yield from ((f"{key}.{name}", rule, name in layer.constants) for name, rule in layer.rules())
+            yield from ((f"{key}.{name}", rule) for name, rule in layer.rules())

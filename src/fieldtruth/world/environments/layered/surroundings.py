@@ -7,7 +7,6 @@ one. The world's relief begins with that of the last grid, and beyond the edge t
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -40,7 +39,7 @@ def shape_surroundings(fields: Fields, grids: Mapping[str, Surroundings]) -> Lan
         x, y = (
             np.arange(-s / 2 - grid.margin, s / 2 + grid.margin + grid.spacing / 2, grid.spacing) for s in fields.size
         )
-        around = replace(fields, nodes=(x, y), near={}, drawn={})
+        around = fields.about((x, y))
         start = land(*np.meshgrid(x, y, indexing="ij")) if land else np.zeros((len(x), len(y)))
         heights = shape(around, grid.relief, start, f"surroundings.{name}")
         fields.surroundings = make_raster(heights, grid.spacing, x, y)

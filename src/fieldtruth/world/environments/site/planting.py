@@ -3,7 +3,8 @@
 """Plants of a site: the trees of its maps, hedges, orchards, scrub, heath and wetland, and what grows between them.
 
 A tree stands where the map has it, with its height; of some individuals of its species the one is taken whose crown is
-nearest in width for its height, so that fifty thousand trees are a few hundred meshes.
+nearest in width for its height, in a copy as wide and as thick as the tree. Both go by steps, so that fifty thousand
+trees are a few hundred meshes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,6 +25,7 @@ from fieldtruth.world.model import Mesh, Raster, water_at
 from fieldtruth.world.placement import Density, SwarmSpec, WorldBuilder, jittered_grid, random_tint
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.plants.species import GrownIn, heights_of
+from fieldtruth.world.plants.trees import COLLIDER
 
 HEIGHTS: Final = 1.3
 """Ratio of the heights of a species' meshes, of which a tree takes the nearest."""
@@ -39,6 +41,10 @@ WITHIN: Final = 0.9
 """Share of a crown's leaves, seen from above, that are within its radius; some branches reach out of any crown."""
 WIDTHS: Final = (1.2, 1.9)
 """Ratio of the widths of a tree's copies, and the greatest factor by which one is wider or slimmer than it grew."""
+THICK: Final = (1.2, 2.2)
+"""As ``WIDTHS``, of the thickness of trunks."""
+AXIS: Final = 0.5
+"""Step [m] of height in which the middle of a trunk is followed."""
 TRUNK: Final = 0.2
 """Radius [m] of a trunk that must not stand in a building or a wall."""
 SHORE: Final = 0.05
@@ -46,11 +52,14 @@ SHORE: Final = 0.05
 
 
 class _Individual(NamedTuple):
-    """A grown tree: its height and the radius about the trunk that holds ``WITHIN`` of its vertices [m]."""
+    """A grown tree: its height, the radius about the trunk that holds ``WITHIN`` of its vertices, and that of the trunk
+    at breast height [m].
+    """
 
     mesh: Mesh
     height: float
     crown: float
+    trunk: float
 
 
 def plant_trees(
@@ -59,7 +68,7 @@ def plant_trees(
     """Plant the trees of the map that are within the world, on dry land; ``advance`` hears of each."""
     half = np.array(config.size) / 2 - 0.5
     grown: dict[tuple[str, int], list[_Individual]] = {}
-    wide: dict[str, _Individual] = {}
+    shaped: dict[str, _Individual] = {}
     stems = sorted(stems, key=lambda stem: -stem.height)
     at = np.array([(stem.x, stem.y) for stem in stems]).reshape(-1, 2)
     stands = (np.abs(at) <= half).all(axis=1) & dry(builder, at)
@@ -73,8 +82,7 @@ def plant_trees(
         key = stem.species, step
         if key not in grown:
             grown[key] = _individuals(stem.species, step, config.individuals, rng)
-        choice = _best(grown[key], stem)
-        choice = _widened(wide, choice, stem)
+        choice = _shaped(shaped, _best(grown[key], stem), stem)
         pose = {"yaw": float(rng.uniform(0.0, 2.0 * np.pi)), "scale": stem.height / choice.height}
         builder.add_upright(stem.species, choice.mesh, (stem.x, stem.y), **pose, tint=random_tint(rng, 0.1))
 
@@ -91,7 +99,8 @@ def _individuals(species: str, step: int, count: int, rng: np.random.Generator) 
             detail = float(np.clip(3.0 / height, 0.14, 1.0))
             mesh = grow_tree(kind, name=name, height=own, rng=rng, detail=detail, grown_in=way)
             crown = float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), WITHIN))
-            grown.append(_Individual(mesh, float(mesh.vertices[:, 2].max()), crown))
+            trunk = mesh.colliders[0].size[0] / COLLIDER
+            grown.append(_Individual(mesh, float(mesh.vertices[:, 2].max()), crown, trunk))
     return grown
 
 
@@ -103,20 +112,50 @@ def _best(grown: Sequence[_Individual], stem: Stem) -> _Individual:
     return min(grown, key=lambda each: abs(np.log(each.crown / each.height / wanted)))
 
 
-def _widened(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _Individual:
-    """A copy whose crown has about the width of a tree's; its trunk stays as it is."""
-    if np.isnan(stem.crown):
-        return tree
-    ratio = max(stem.crown, 0.3) / stem.height / (tree.crown / tree.height)
-    step = round(np.log(np.clip(ratio, 1.0 / WIDTHS[1], WIDTHS[1])) / np.log(WIDTHS[0]))
-    name = f"{tree.mesh.name}_w{step}"
-    if step and name not in known:
-        trunk = max((each.size[0] for each in tree.mesh.colliders), default=0.1)
-        vertices = tree.mesh.vertices.copy()
-        away = np.hypot(*vertices[:, :2].T)
-        vertices[:, :2] *= (1.0 + (WIDTHS[0] ** step - 1.0) * np.clip(away / trunk - 1.5, 0.0, 1.0))[:, None]
-        known[name] = _Individual(replace(tree.mesh, name=name, vertices=vertices), tree.height, tree.crown)
-    return known[name] if step else tree
+def _shaped(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _Individual:
+    """A copy whose crown and trunk have about the width and the thickness of a tree's, where these are known."""
+    size = stem.height / tree.height
+    wide = 0 if np.isnan(stem.crown) else _step(max(stem.crown, 0.3) / (size * tree.crown), WIDTHS)
+    thick = 0 if np.isnan(stem.diameter) else _step(stem.diameter / (2.0 * size * tree.trunk), THICK)
+    name = tree.mesh.name + (f"_w{wide}" if wide else "") + (f"_t{thick}" if thick else "")
+    if name != tree.mesh.name and name not in known:
+        vertices, colliders = tree.mesh.vertices.astype(np.float64), tree.mesh.colliders
+        if thick:
+            ratio = THICK[0] ** thick
+            vertices = thickened(vertices, tree.trunk, ratio)
+            colliders = tuple(replace(each, size=(ratio * each.size[0], *each.size[1:])) for each in colliders)
+        if wide:
+            away = np.hypot(*vertices[:, :2].T) / (COLLIDER * tree.trunk)
+            vertices[:, :2] *= (1.0 + (WIDTHS[0] ** wide - 1.0) * np.clip(away - 1.5, 0.0, 1.0))[:, None]
+        mesh = replace(tree.mesh, name=name, vertices=vertices.astype(np.float32), colliders=colliders)
+        known[name] = tree._replace(mesh=mesh)
+    return known.get(name, tree)
+
+
+def _step(ratio: float, steps: tuple[float, float]) -> int:
+    """Number of steps, of which the first is a factor and the second the greatest one, to a ratio."""
+    return round(float(np.log(np.clip(ratio, 1.0 / steps[1], steps[1])) / np.log(steps[0])))
+
+
+def thickened(vertices: Array, radius: float, ratio: float) -> Array:
+    """Vertices (n, 3) [m] of a tree whose trunk of a radius [m] at breast height is ``ratio`` times as thick.
+
+    What is within 1.2 radii of the trunk's middle moves with its surface; what is far from it stays.
+    """
+    top = float(vertices[:, 2].max())
+    reach = max(2.4, 1.8 * ratio)
+    heights, middle = np.arange(0.0, top + AXIS, AXIS), [np.zeros(2)]
+    for z in heights[1:]:
+        own = radius * max(1.0 - z / top, 0.1)
+        near = vertices[np.abs(vertices[:, 2] - z) < AXIS, :2] - middle[-1]
+        near = near[np.hypot(*near.T) < 1.5 * own]
+        middle.append(middle[-1] + (near.mean(axis=0) if len(near) > 5 else 0.0))
+    axis = np.stack([np.interp(vertices[:, 2], heights, np.array(middle)[:, k]) for k in (0, 1)], axis=-1)
+    own = radius * np.clip(1.0 - vertices[:, 2] / top, 0.1, 1.0)
+    away = np.hypot(*(vertices[:, :2] - axis).T) / own
+    moved = np.interp(away, [0.0, 1.2, reach], [0.0, 1.2 * ratio, reach])
+    grown = np.where(away < reach, moved / np.maximum(away, 1e-9), 1.0)[:, None]
+    return np.column_stack([axis + (vertices[:, :2] - axis) * grown, vertices[:, 2]])
 
 
 def hash_of(stem: Stem) -> int:

@@ -13,6 +13,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.maps.imagery import read_classes
 from fieldtruth.maps.osm import Feature, read_osm
+from fieldtruth.maps.tags import metres
 from fieldtruth.maps.trees import Tree
 from fieldtruth.world.environments.site.config import Config, LandCoverFile
 from fieldtruth.world.environments.site.inputs import read_trees
@@ -33,13 +34,14 @@ GENERA: Final[Mapping[str, str]] = {
 
 
 class Stem(NamedTuple):
-    """A tree to plant: position and height [m], radius of its crown [m], or NaN, and species."""
+    """A tree to plant: position and height [m], species; radius of its crown, diameter of its trunk [m], or NaN."""
 
     x: float
     y: float
     height: float
     crown: float
     species: str
+    diameter: float = float("nan")
 
 
 def read_features(config: Config, origin: Origin) -> list[Feature]:
@@ -65,7 +67,8 @@ def read_stems(config: Config, origin: Origin, features: Sequence[Feature], rng:
         drawn = names[int(rng.choice(len(names), p=shares / shares.sum()))]
         height = USUAL * float(np.clip(rng.normal(1.0, 0.25), 0.4, 1.6)) if tree.height is None else tree.height
         crown = np.nan if tree.crown_radius is None else tree.crown_radius
-        stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn))
+        diameter = np.nan if tree.diameter is None else tree.diameter
+        stems.append(Stem(tree.x, tree.y, max(height, 1.5), crown, species_of(tree.species) or drawn, diameter))
     return stems
 
 
@@ -112,7 +115,9 @@ def filled(area: Feature, apart: float) -> Array:
 def _mapped(feature: Feature) -> Tree:
     x, y = feature.geometry[0].tolist()
     tags = feature.tags
-    return Tree(x, y, feature.height, None, None, tags.get("species") or tags.get("leaf_type"))
+    crown, girth = metres(tags.get("crown")), metres(tags.get("circumference"))
+    species = tags.get("species") or tags.get("leaf_type")
+    return Tree(x, y, feature.height, crown and crown / 2.0, girth and girth / np.pi, species)
 
 
 def species_of(text: str | None) -> str | None:
