@@ -80,7 +80,6 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     {
         name: Environment(description, f"{__name__}.{name}")
         for name, description in (
-            ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
@@ -91,6 +90,7 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
         for name, description in (
             ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
+            ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
             ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
             ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),

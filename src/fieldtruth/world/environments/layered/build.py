@@ -158,7 +158,7 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
     ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(fields.on(TRAIL, axes) + 0.1 * ragged, cell, *axes),
+        trail_distance=make_raster(fields.on(TRAIL, axes) + trail.ragged * ragged, cell, *axes),
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,

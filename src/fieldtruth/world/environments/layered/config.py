@@ -29,7 +29,7 @@ from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
-from fieldtruth.world.environments.layered.sections import Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
@@ -67,6 +67,7 @@ class TrailSurface(Ruled):
     material: str = "path"
     border: str = "path_edge"
     border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
+    ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
 
 
 class Water(Ruled):

@@ -57,15 +57,24 @@ class Fields:
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
+    _far: dict[tuple[int, int], dict[str, Array]] = field(default_factory=dict)
+    """Distances from trails, corridors and lines on grids from edge to edge, by their shape: they take longest."""
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
-        return self._values(rule, xy, {})
+        return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
-        """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+        """Values (nx, ny) of a rule at the nodes of axes [m] from edge to edge."""
+        return self._on(rule, axes, {})
+
+    def _on(self, rule: Expression, axes: Axes, drawn: Drawn) -> Array:
+        nodes, shape = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), (len(axes[0]), len(axes[1]))
+        known = self._far.setdefault(shape, {})
+        cache = dict(known)
+        values = self._values(rule, nodes, drawn, cache).reshape(shape)
+        known |= {name: each for name, each in cache.items() if name in ("trail", "corridor") or name in self.lines}
+        return values
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -88,11 +97,11 @@ class Fields:
         def points(per_ha: Array) -> Array:
             count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
             centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
             return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
 
-        xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
-        return self._values(rule, xy, drawn).reshape(shape)
+        return self._on(rule, self.nodes, drawn)
 
     def constant(self, rule: Expression) -> float:
         """Value of a rule of parameters."""
@@ -109,8 +118,8 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
-        cache: dict[str, Array] = {}
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
+        """Values (n,) of a rule; ``cache`` has those of fields that are known, and gets others."""
 
         def lookup(name: str) -> Array:
             if name not in cache:
