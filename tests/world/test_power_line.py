@@ -2,20 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wires follow the closed-form catenary and end at the insulators; poles are in a row."""
 
-from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from test_layered import environment
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.environments.lake.build import string_line
-from fieldtruth.world.environments.lake.config import Config
+from fieldtruth.world.build import build_world
+from fieldtruth.world.environments.layered.config import model_of
 from fieldtruth.world.furniture import make_furniture
-from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Heightfield
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
+from fieldtruth.world.placement import CrowdedWorldError
 from fieldtruth.world.power_lines import (
     BUNDLE_RADIUS,
     CHORD_ERROR,
@@ -31,13 +30,22 @@ F8 = NDArray[np.float64]
 LEVEL = ((0.0, 0.0, 9.0), (46.0, 0.0, 9.0))
 RISING = ((3.0, -2.0, 8.6), (33.0, 38.0, 12.1))
 STEEP = ((0.0, 0.0, 0.0), (6.0, -8.0, 9.0))
-CONFIG = Config(line_y=17.0, pole_distance=46.0, sag=0.02)
 ENDS = {"level": LEVEL, "rising": RISING, "steep": STEEP}
 
 
-def flat_builder(corridors: list[Line] | None = None, *, height: float = 0.0) -> WorldBuilder:
-    flat = Heightfield(heights=np.full((101, 51), height, np.float32), spacing=1.0, x0=-50.0, y0=-25.0)
-    return WorldBuilder(flat, (100.0, 50.0), (), corridors or [])
+TEXT = """
+description: "a plain with a power line"
+parameters: {line_y: 17}
+ground: {meadow: 1}
+groups:
+  grass: {form: tuft, name: "{species}_{k}", species: {meadow: [0.2, 0.3]}, detail: 0.3}
+objects:
+  wires: {type: power_line, y: line_y, sag: 0.02}
+plants:
+  grass: {group: grass, kind: high_grass, per_m2: 0.5, where: wires < 2}
+beyond: {hills: 0, land: 0.02 * x}
+litter_amount: 0
+"""
 
 
 @pytest.mark.parametrize("name", ENDS)
@@ -136,33 +144,53 @@ def test_wires_end_at_insulators(variant: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_power_line_across_a_world(seed: int) -> None:
-    land = flat_builder(height=1.5)
-    line = string_line(land, CONFIG, lambda xy: np.full(len(xy), 1.5), np.random.default_rng(seed), far=2)
-    poles = [i for i in land.instances if i.kind == "power_pole"]
-    cables = [i for i in land.instances if i.kind == "cable"]
+def test_power_line_across_a_world(seed: int, tmp_path: Path) -> None:
+    with environment(tmp_path / "plain.yaml", TEXT) as name:
+        assert "wires" not in model_of(name).model_fields
+        world = build_world(name, seed, {"grid": 0.5})
+    poles = [i for i in world.instances if i.kind == "power_pole"]
+    cables = [i for i in world.instances if i.kind == "cable"]
     assert (len(poles), len(cables)) == (2, 12)
-    assert {s.name: len(s.mesh) for s, _ in line.beyond} == {"power_poles_beyond": 4, "cables_beyond": 8}
+    far = {s.name: s.world_from_object for s in world.swarms}
+    assert {name: len(poses) for name, poses in far.items() if name != "grass"} == {
+        "power_poles_beyond": 4,
+        "cables_beyond": 8,
+    }
     variant = int(poles[0].mesh[-1])
     held = np.concatenate([pole.world_from_object @ [*p, 1.0] for pole in poles for p in wire_points(variant)])
     held = held.reshape(-1, 4)[:, :3]
     ends = []
     for cable in cables:
-        mesh, pose = land.meshes[cable.mesh], cable.world_from_object
+        mesh, pose = world.meshes[cable.mesh], cable.world_from_object
         corners = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
-        assert corners[:, 2].min() - 1.5 > 4.5
+        assert corners[:, 2].min() > 4.5
         order = np.argsort(mesh.vertices[:, 0])
         ends += [corners[order[:6]].mean(axis=0), corners[order[-6:]].mean(axis=0)]
     reached = np.linalg.norm(np.array(ends)[:, None] - held, axis=-1).min(axis=0)
     assert reached.max() < 0.02  # at each of the eight insulators wires end, two by two
     assert (np.linalg.norm(np.array(ends)[:, None] - held, axis=-1) < 0.02).sum() == 16
-    apart = [float(np.hypot(*(b - a))) for a, b in pairwise(line.poles)]
-    assert min(apart) > 40.0
-    assert max(apart) < 52.0
-    assert line.distance(line.poles) == pytest.approx(np.zeros(6), abs=1e-9)
+    beyond = far["power_poles_beyond"][:, :3, 3]
+    assert beyond[:, 2] == pytest.approx(0.02 * beyond[:, 0], abs=0.4)  # on the land, which the plain's edge bends
+    row = np.array(sorted([*(pole.world_from_object[:2, 3].tolist() for pole in poles), *beyond[:, :2].tolist()]))
+    apart = np.linalg.norm(np.diff(row, axis=0), axis=1)
+    assert np.abs(row[:, 1] - 17.0).max() < 5.0
+    assert apart.min() > 40.0
+    assert apart.max() < 52.0
+    assert off_segments(row, far["grass"][:, :2, 3]).max() == pytest.approx(2.0, abs=0.1)
 
 
-def test_power_line_without_free_positions_is_an_error() -> None:
-    everywhere = [Line.through([(-49.0, y), (49.0, y)], smooth=False) for y in (14.0, 16.0, 18.0, 20.0)]
-    with pytest.raises(CrowdedWorldError, match="no two free positions"):
-        string_line(flat_builder(everywhere), CONFIG, lambda xy: np.zeros(len(xy)), np.random.default_rng(0), far=0)
+def off_segments(row: F8, xy: F8) -> F8:
+    """Distance [m] of positions (n, 2) to the segments between corners (m, 2)."""
+    a, along = row[:-1], np.diff(row, axis=0)
+    share = np.einsum("nmi,mi->nm", xy[:, None] - a, along) / (along**2).sum(axis=1)
+    foot = a + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.asarray(np.linalg.norm(xy[:, None] - foot, axis=-1).min(axis=1))
+
+
+def test_power_line_without_free_positions_is_an_error(tmp_path: Path) -> None:
+    lines = [[[-49.0, y], [49.0, y]] for y in (14.0, 16.0, 18.0, 20.0)]
+    with (
+        environment(tmp_path / "full.yaml", TEXT + f"corridors: {lines}\n") as name,
+        pytest.raises(CrowdedWorldError, match="no two free positions for poles 46 m apart near y = 17 m"),
+    ):
+        build_world(name, 0, {"grid": 0.5})

@@ -244,9 +244,10 @@ MOST: Final = 400
 """Objects of a kind in a built-in world, or in a smaller one, at most; larger ones have as many to the hectare."""
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
 Spacing = Annotated[Number, Field(ge=0.01, le=1)]
-Count = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "area"]
+_NUMBER: Final = Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare")
+Count = Annotated[Integer, _NUMBER, "area"]
 """Of objects; where it is not given it grows with the world's area."""
-ShoreCount = Annotated[Integer, Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare"), "shore"]
+LengthCount = Annotated[Integer, _NUMBER, "length"]
 """Of objects along a line across the world, along x; where it is not given it grows with the world's length."""
 Density = Annotated[Number, Field(ge=0, le=20)]
 Individuals = Annotated[Integer, Field(ge=1, le=32)]
@@ -327,7 +328,7 @@ class GroundConfig(ClassesConfig):
         longer = self.size[0] / self.counted_in[0]
         changes: dict[str, Any] = {"grid": self.spacing}
         for name, by in self._counts().items():
-            changes[name] = round(getattr(self, name) * (longer if by == "shore" else self._larger(self.counted_in)))
+            changes[name] = round(getattr(self, name) * (longer if by == "length" else self._larger(self.counted_in)))
         if lines := getattr(self, "trails", ()):
             changes["trails"] = network(lines, self.size, self.counted_in)
         return self.model_copy(update={k: v for k, v in changes.items() if k not in self.model_fields_set})
@@ -339,7 +340,7 @@ class GroundConfig(ClassesConfig):
     @classmethod
     def _counts(cls) -> dict[str, str]:
         """Names of the counts, with what they grow with."""
-        grow = {name: [m for m in info.metadata if m in ("area", "shore")] for name, info in cls.model_fields.items()}
+        grow = {name: [m for m in info.metadata if m in ("area", "length")] for name, info in cls.model_fields.items()}
         return {name: found[0] for name, found in grow.items() if found}
 
     @property

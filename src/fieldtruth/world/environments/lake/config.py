@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from fieldtruth.experiment.fields import Boolean, Number
-from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, ShoreCount
+from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, LengthCount
 
 
 class Config(GroundConfig):
@@ -24,9 +24,9 @@ class Config(GroundConfig):
     line_y: Number = 17.5  # [m] of the power line
     pole_distance: Annotated[Number, Field(ge=20, le=80)] = 46.0  # [m]
     sag: Annotated[Number, Field(gt=0, le=0.05)] = 0.018  # of a wire, relative to its span
-    waterside_trees: ShoreCount = 13
+    waterside_trees: LengthCount = 13
     meadow_trees: Count = 30
-    waterside_bushes: ShoreCount = 12
+    waterside_bushes: LengthCount = 12
     meadow_bushes: Count = 26
     individuals: Individuals = 3  # of each species
     grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to the default

@@ -24,12 +24,14 @@ from pydantic import (
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
-from fieldtruth.world.environments.layered.expressions import DRAWN, Expression
+from fieldtruth.world.environments.layered.beds import Beds
+from fieldtruth.world.environments.layered.expressions import DRAWN, Constant, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
-from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.power_line import PowerLine
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Step, step_of
 from fieldtruth.world.environments.layout import (
     PLANTED,
@@ -53,12 +55,15 @@ CONSTANTS: Final = frozenset({"trail_width", "spacing"})
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
+HIDDEN: Final = frozenset({"edge"})
+"""Those of them that a parameter may hide."""
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
-LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "above_water"})
+LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "foot", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, of all or of those with needles or
-leaves, 0 before there are any, and height [m] of the ground above the water, large where it is dry."""
+leaves, 0 before there are any, distance [m] to the nearest of their trunks, posts and legs, and height [m] of the
+ground above the water, large where it is dry."""
 
 
 class TrailSurface(Ruled):
@@ -66,14 +71,16 @@ class TrailSurface(Ruled):
 
     material: str = "path"
     border: str = "path_edge"
-    border_width: Rule = Field(default=Expression("0.2"))  # [m] inwards from the edge, of parameters
+    border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
     ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
 
 
 class Water(Ruled):
     """Water of one level over all ground that is lower."""
 
-    level: Rule  # [m], of parameters
+    level: Amount  # [m]
+    name: str = "water"
+    beyond: Distance = 60.0  # [m] from the edge, to which it goes on
 
 
 class Parameter(Frozen):
@@ -81,6 +88,7 @@ class Parameter(Frozen):
 
     value: Number
     low: Number | None = None
+    above: Number | None = None  # a bound that is not allowed itself
     high: Number | None = None
     integer: Boolean = False
 
@@ -92,10 +100,10 @@ class Parameter(Frozen):
 
     def layout(self) -> tuple[Any, float]:
         """Type and default of its key of the layout."""
-        low, high = (int(end) if self.integer and end is not None else end for end in (self.low, self.high))
-        if self.integer:
-            return Annotated[Integer, Field(ge=low, le=high)], int(self.value)
-        return Annotated[Number, Field(ge=low, le=high)], self.value
+        given = {"ge": self.low, "gt": self.above, "le": self.high}
+        limits: dict[str, Any] = {key: int(v) if v.is_integer() else v for key, v in given.items() if v is not None}
+        kind = Integer if self.integer else Number
+        return Annotated[kind, Field(**limits)], int(self.value) if self.integer else self.value
 
 
 def _parameter(given: Any) -> Any:
@@ -113,7 +121,7 @@ def _layer(given: Any) -> Layer:
         raise PartError(LAYERS[kind], report) from report
 
 
-LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects}
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds, "power_line": PowerLine}
 """Types of the layers of objects."""
 
 
@@ -169,19 +177,31 @@ class Description(Frozen):
         for key, layer in self.objects.items():
             if isinstance(layer, Objects):
                 _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
+        for key, swarm in self.beyond.swarms.items():
+            _check_along(f"beyond.swarms.{key}.along", swarm.along, (), ())
+        self._check_beside()
         for key, rule, known, drawn in self._rules():
             try:
-                rule.check(known, drawn)
+                rule.check(CONSTANTS | set(self.parameters) if isinstance(rule, Constant) else known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
 
+    def _check_beside(self) -> None:
+        earlier: list[str] = []
+        for key, layer in self.objects.items():
+            if isinstance(layer, Objects) and layer.beside is not None and layer.beside.layer not in earlier:
+                raise ValueError(f"objects.{key}.beside: unknown layer before it: {layer.beside.layer!r}")
+            earlier.append(key)
+
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
         layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
-        fields, swarms = {*CONSTANTS, *FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        known, swarms = {*CONSTANTS, *FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
+        fields = known | set(self.parameters)
         for section, names, taken in (
-            ("parameters", self.parameters, fields), ("lines", self.lines, fields), ("fields", self.fields, fields),
+            ("parameters", self.parameters, known - HIDDEN),
+            ("lines", self.lines, fields), ("fields", self.fields, fields),
             ("beyond.fields", self.beyond.fields, fields), ("objects", self.objects, fields),
             ("parameters", self.parameters, layers), ("mixtures", self.mixtures, layers),
             ("objects", self.objects, layers), ("plants", self.plants, layers),
@@ -212,30 +232,28 @@ class Description(Frozen):
         for key, step in self.relief.items():
             for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
                 yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
-        yield from ((f"water.{key}", rule, numbers, set()) for key, rule in (self.water.rules() if self.water else ()))
-        yield from ((f"trail.{key}", rule, numbers, set()) for key, rule in self.trail.rules())
-        if self.puddles is not None:
-            yield from ((f"puddles.{key}", rule, known, set()) for key, rule in self.puddles.rules())
+        for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
+            yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
+            objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
-            objects.add(key)
         yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
         for key, plants in self.plants.items():
-            for name, rule in plants.rules():
-                yield f"plants.{key}.{name}", rule, numbers if name == "per_m2" else known | objects, set()
+            yield from ((f"plants.{key}.{name}", rule, known | objects, set()) for name, rule in plants.rules())
         yield from self._rules_beyond(numbers, objects)
 
     def _rules_beyond(
         self, numbers: Set[str], objects: Set[str]
     ) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
         place = PLACE | numbers | set(self.beyond.fields)
+        late = objects | {"land", "trail"}
         yield from ((f"beyond.fields.{key}", rule, place, {"waves"}) for key, rule in self.beyond.fields.items())
-        yield "beyond.land", self.beyond.land, place, set()
+        yield from ((f"beyond.{key}", rule, place, set()) for key, rule in self.beyond.rules())
         for key, rule in self.beyond.materials.items():
             yield f"beyond.materials.{key}", rule, place | {"land", "slope"}, set()
         for key, swarm in self.beyond.swarms.items():
             for name, rule in swarm.rules():
-                yield f"beyond.swarms.{key}.{name}", rule, place | objects | {"land"}, set()
+                yield f"beyond.swarms.{key}.{name}", rule, place | late, set()
 
     def _is_shaped(self, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Return True if a field follows from the relief; raises ValueError where fields follow from each other."""
@@ -270,10 +288,12 @@ def _described(name: str, content: Entry, path: Path) -> Description:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
     _check_groups(groups, description, path)
-    named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
-    named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
-    named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
-    for key, group in named.items():
+    named = [(f"objects.{key}", group) for key, layer in description.objects.items() for group in layer.groups()]
+    named += [(f"plants.{key}", group) for key, plants in description.plants.items() for group in plants.group]
+    named += [
+        (f"beyond.swarms.{key}", group) for key, each in description.beyond.swarms.items() for group in each.group
+    ]
+    for key, group in named:
         if group not in groups:
             raise ConfigurationError(f"{path}: {key}: unknown group {group!r}; {suggestion(group, groups)}")
     return description
@@ -313,7 +333,7 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season), "beyond": (Boolean, True),
+        "size": (Size, description.size), "season": (str, description.season),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
@@ -321,11 +341,12 @@ def model_of(name: str) -> type[GroundConfig]:
     for key, shares in description.mixtures.items():
         info = Field(description="shares by species, each from 0 up to 1")
         keys[key] = (Annotated[Mapping[str, Share], info, AfterValidator(partial(_mixture, name, key))], shares)
-    keys |= {key: layer.layout() for key, layer in description.objects.items()}
+    keys |= {key: own for key, layer in description.objects.items() if (own := layer.layout()) is not None}
     for key, plants in description.plants.items():
         if isinstance(plants.per_m2, Expression):
             continue
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
+    keys["beyond"] = description.beyond.layout()
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
     model = create_model("Config", __base__=GroundConfig, **keys)
     grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]

@@ -96,6 +96,10 @@ class Expression:
             return np.asarray(_value(self._tree, lookup, drawn), np.float64)
 
 
+class Constant(Expression):
+    """An expression over an environment's parameters only."""
+
+
 def _check(node: ast.AST) -> None:
     """Check that a part is arithmetic; raises ValueError."""
     match node:

@@ -8,6 +8,7 @@ interpolated; all others are computed where they are asked for.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
@@ -16,9 +17,10 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.world.environments.layered.expressions import Drawn, Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.model import Instance, Mesh, Raster, water_at
+from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
 
@@ -54,6 +56,12 @@ class Fields:
     """Individuals of the groups that are grown."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
+    """Objects of those layers."""
+    ground: Callable[[Array], Array] | None = None
+    """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
+    far: list[FarSwarm] = field(default_factory=list)
+    """Objects of layers that are beyond the edge."""
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
@@ -66,14 +74,19 @@ class Fields:
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m] from edge to edge."""
-        return self._on(rule, axes, {})
+        return self.over(axes)(rule)
 
-    def _on(self, rule: Expression, axes: Axes, drawn: Drawn) -> Array:
-        nodes, shape = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), (len(axes[0]), len(axes[1]))
+    def over(self, axes: Axes, drawn: Drawn = MappingProxyType({})) -> Callable[[Expression], Array]:
+        """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
+        xy, shape = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), (len(axes[0]), len(axes[1]))
         known = self._far.setdefault(shape, {})
         cache = dict(known)
-        values = self._values(rule, nodes, drawn, cache).reshape(shape)
-        known |= {name: each for name, each in cache.items() if name in ("trail", "corridor") or name in self.lines}
+
+        def values(rule: Expression) -> Array:
+            found = self._values(rule, xy, drawn, cache).reshape(shape)
+            known.update({k: each for k, each in cache.items() if k in ("trail", "corridor") or k in self.lines})
+            return found
+
         return values
 
     def draw(self, rule: Expression, name: str) -> Array:
@@ -101,9 +114,9 @@ class Fields:
             return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
 
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
-        return self._on(rule, self.nodes, drawn)
+        return self.over(self.nodes, drawn)(rule)
 
-    def constant(self, rule: Expression) -> float:
+    def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
         return float(self.at(rule, np.zeros((1, 2)))[0])
 
@@ -131,6 +144,8 @@ class Fields:
         return values
 
     def _known(self, name: str, xy: Array, lookup: Callable[[str], Array]) -> Array:
+        if name in self.parameters:
+            return self.anywhere(name, xy)
         x, y = xy.T
         match name:
             case "x" | "y":

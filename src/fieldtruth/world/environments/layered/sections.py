@@ -9,11 +9,13 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator
 
 from fieldtruth.experiment.fields import Frozen, Number
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields
 from fieldtruth.world.placement import WorldBuilder
 
 Rule = Annotated[Expression, PlainValidator(Expression)]
+Amount = Annotated[Constant, PlainValidator(Constant)]
+"""A number, or a rule of parameters."""
 Distance = Annotated[Number, Field(ge=0)]
 
 
@@ -34,8 +36,8 @@ class Layer(Ruled):
     kind: str = ""  # by default the layer's name
 
     @abstractmethod
-    def layout(self) -> tuple[Any, Any]:
-        """Type and default of its key of the layout."""
+    def layout(self) -> tuple[Any, Any] | None:
+        """Type and default of its key of the layout; None if it has none."""
 
     @abstractmethod
     def place(self, builder: WorldBuilder, fields: Fields, config: Any, name: str) -> None:
