@@ -8,6 +8,7 @@ interpolated; all others are computed where they are asked for.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
@@ -68,23 +69,31 @@ class Fields:
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
-    _at_nodes: dict[str, Array] = field(default_factory=dict)
-    """Positions of the nodes, and their distances from lines."""
     _routed: tuple[Array | None, Raster] | None = None
     """Height, and the drained area that follows from it."""
+    _far: dict[tuple[int, int], dict[str, Array]] = field(default_factory=dict)
+    """Distances from trails, corridors and lines on grids from edge to edge, by their shape: they take longest."""
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
         return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
-        """Values (nx, ny) of a rule at the nodes of axes [m]."""
+        """Values (nx, ny) of a rule at the nodes of axes [m] from edge to edge."""
         return self.over(axes)(rule)
 
-    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+    def over(self, axes: Axes, drawn: Drawn = MappingProxyType({})) -> Callable[[Expression], Array]:
         """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
-        xy, cache = self._positions(axes), dict[str, Array]()
-        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
+        xy, shape = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), (len(axes[0]), len(axes[1]))
+        known = self._far.setdefault(shape, {})
+        cache = dict(known)
+
+        def values(rule: Expression) -> Array:
+            found = self._values(rule, xy, drawn, cache).reshape(shape)
+            known.update({k: each for k, each in cache.items() if k in ("trail", "corridor") or k in self.lines})
+            return found
+
+        return values
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -107,27 +116,19 @@ class Fields:
         def points(per_ha: Array) -> Array:
             count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
             centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
             return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
 
         def uphill(values: Array, length: Array) -> Array:
             return self._uphill(grid(values), float(np.max(length)) / spacing).reshape(-1)
 
-        xy = self._positions(self.nodes)
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points, "uphill": uphill}
-        return self._values(rule, xy, drawn, {}).reshape(shape)
+        return self.over(self.nodes, drawn)(rule)
 
     def about(self, nodes: Axes) -> "Fields":
         """Return the fields of another grid, on which nothing is drawn yet."""
         own = {**self.parameters, "spacing": float(nodes[0][1] - nodes[0][0])}
-        return replace(self, parameters=own, nodes=nodes, near={}, _drawn={}, _at_nodes={})
-
-    def _positions(self, axes: Axes) -> Array:
-        """Positions (n, 2) of the nodes of axes [m]."""
-        if axes is not self.nodes:
-            return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        if not self._at_nodes:
-            self._at_nodes[""] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self._at_nodes[""]
+        return replace(self, parameters=own, nodes=nodes, near={}, _drawn={}, _far={})
 
     def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
@@ -145,12 +146,12 @@ class Fields:
         return float(self.nodes[0][1] - self.nodes[0][0])
 
     def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
+        """Values (n,) of a rule; ``cache`` has those of fields that are known, and gets others."""
+
         def lookup(name: str) -> Array:
-            still = name in ("trail", "corridor", *self.lines) and xy is self._at_nodes.get("")
-            known = self._at_nodes if still else cache
-            if name not in known:
-                known[name] = self._known(name, xy, lookup)
-            return known[name]
+            if name not in cache:
+                cache[name] = self._known(name, xy, lookup)
+            return cache[name]
 
         values = np.broadcast_to(rule.values(lookup, drawn), (len(xy),)).astype(np.float64)
         check_finite(rule, values, xy)
