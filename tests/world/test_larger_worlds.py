@@ -3,6 +3,7 @@
 """Larger worlds: densities, trails and ids of the built-in ones; cost and memory grow with the area, not faster."""
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from test_placement import anywhere, mesh
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout, layout_model, load_world
 from fieldtruth.world.environments import ENVIRONMENTS, PAPER
-from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.environments.layout import network
 from fieldtruth.world.grids import Line, coarseness, make_trails
@@ -20,7 +20,8 @@ from fieldtruth.world.model import Heightfield
 from fieldtruth.world.placement import ObjectGroup, WorldBuilder
 
 SIZE = (150.0, 100.0)
-TRAILS = ForestConfig().trails
+FOREST: Any = layout_model("forest")
+TRAILS = FOREST().trails
 
 
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
@@ -30,9 +31,9 @@ def test_the_builtin_layouts_stay(environment: str) -> None:
 
 
 def test_counts_grow_with_the_area_unless_they_are_given() -> None:
-    config = ForestConfig(size=(200.0, 100.0), rocks=7, grid=0.2).for_size()
+    config = FOREST(size=(200.0, 100.0), rocks=7, grid=0.2).for_size()
     assert (config.old_trees, config.bushes, config.rocks, config.grid) == (820, 152, 7, 0.2)
-    assert ForestConfig(size=(50.0, 25.0)).for_size().grown_trees == 25
+    assert FOREST(size=(50.0, 25.0)).for_size().grown_trees == 25
     lake = LakeConfig(size=(200.0, 100.0)).for_size()
     assert (lake.waterside_trees, lake.meadow_trees) == (26, 120)  # alders stand along the shore
 
