@@ -82,13 +82,13 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
         for name, description in (
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
-            ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
         )
     }
     | {
         name: Environment(description, f"{__name__}.layered")
         for name, description in (
+            ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
             ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),

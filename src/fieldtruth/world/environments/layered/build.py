@@ -59,16 +59,14 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     add_water(builder, fields.water, sheets)
     if description.water is not None:
         builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
-
-    def ground(xy: Array) -> Array:
-        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
-
-    fields.ground = ground
+    land = make_land_beyond(builder, fields, description.beyond)
+    fields.ground = ground_height(builder, land)
     place_objects(builder, fields, config, description)
     fields.crowns = crowns(builder, fields.nodes)
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    land = make_land_beyond(builder, fields, description.beyond)
+    if description.roots:  # they may have raised the world's edge
+        land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
