@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds from maps: what a large one costs, and how near it is to its maps.
 
-Run: python benchmarks/site.py [size] [images] [heights] [trees], by default all, or --scan FILE.laz --at LATITUDE
-LONGITUDE --size LENGTH WIDTH.
+Run: python benchmarks/site.py [size] [images] [heights] [trees] [stems], by default all, or --scan FILE.laz
+--at LATITUDE LONGITUDE --size LENGTH WIDTH.
 
 - size: build time and peak memory of 1 km x 1 km with 50,000 trees of an inventory, on a DEM, with paths; processor
   time, which other work slows little, and wall time.
@@ -13,6 +13,8 @@ LONGITUDE --size LENGTH WIDTH.
 - trees: a forest of known trees is scanned from the air by our own ray tracer, written as a LAZ file, and its trees are
   found: detection rate, false ones, errors of height, crown and position. Found and true trees are pairs if each is the
   other's nearest within ``REACH``.
+- stems: a forest of ours is scanned by our own ray tracer from six places on the ground, with noise of 4 mm: how many
+  stems are found, and errors of their diameters.
 - scan: the canopy of a real airborne scan, and that of the world that is built of it, scanned again with as many
   pulses: differences of their heights, and those of a world with as many trees of mean height at random places.
 """
@@ -41,15 +43,18 @@ from fieldtruth.core.transforms import pose
 from fieldtruth.kernels.cast import Hits
 from fieldtruth.maps.canopy import Canopy, read_canopy_points
 from fieldtruth.maps.elevation import read_raster
+from fieldtruth.maps.stems import find_stems
 from fieldtruth.maps.trees import Tree, find_trees
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import build_world, load_world
 from fieldtruth.world.model import World
+from fieldtruth.world.plants import TREES
+from fieldtruth.world.plants.trees import COLLIDER
 
 PLACE: Final = Origin(47.6, 11.3, 0.0)
-SIDE, TREES, CELL = 1000.0, 50_000, 2.0
+SIDE, COUNT, CELL = 1000.0, 50_000, 2.0
 """Side [m] of the large site, its trees, and the cells [m] of its elevation model."""
 REACH: Final = 2.5
 """Distance [m] between a found and a true top that are the same tree, at most."""
@@ -63,6 +68,8 @@ FOOTPRINT: Final = 0.3
 """Width [m] of a pulse on the ground."""
 ABOVE: Final = 200.0
 """Height [m] from which pulses start."""
+STATIONS: Final = [(x, y) for x in (-20.0, 0.0, 20.0) for y in (-10.0, 10.0)]
+"""Positions [m] of scans from the ground."""
 KINDS: Final = {"Picea abies": 0.4, "Fagus sylvatica": 0.35, "Quercus robur": 0.15, "Betula pendula": 0.1}
 
 
@@ -127,7 +134,7 @@ def layout(folder: Path, size: tuple[float, float], count: int, cell: float = CE
 
 def measure_size(folder: Path) -> None:
     """Print what the large site costs."""
-    own = layout(folder, (SIDE, SIDE), TREES)
+    own = layout(folder, (SIDE, SIDE), COUNT)
     start, processor = perf_counter(), process_time()
     world = build_world("site", 0, own)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
@@ -155,7 +162,7 @@ def measure_images(folder: Path) -> None:
     """Print the time of images in a site over that in the built-in forest, at poses on their trails."""
     settings = settings_of("forest")
     rig, light = settings.experiment.rig, settings.experiment.light
-    forest, site = load_world("forest"), build_world("site", 0, layout(folder, (100.0, 50.0), TREES // 200))
+    forest, site = load_world("forest"), build_world("site", 0, layout(folder, (100.0, 50.0), COUNT // 200))
     cameras, poses = list[Camera](), list[list[Array]]()
     for world in (site, forest):
         cameras.append(Camera(rig.stereo, bake(Scene(world), light, folder=None), reuse=True))
@@ -255,6 +262,44 @@ def measure_trees(folder: Path) -> None:
         print(f"trees, {per_ha} to the hectare, {PULSES:g} pulses to the m2: {matched(world, found)}")
 
 
+def measure_stems(_: Path) -> None:
+    """Print how many stems of a known forest are found in scans from the ground, and how well."""
+    size, rng = (60.0, 40.0), np.random.default_rng(5)
+    layout = {
+        "size": size,
+        "old_trees": 36,
+        "grown_trees": 36,
+        "young_trees": 20,
+        "snags": 0,
+        "beyond": False,
+        "litter": 0,
+    }
+    world = build_world("forest", 1, layout)
+    scene, field = Scene(world), world.terrain.field
+    turn, rise = (np.radians(each) for each in np.meshgrid(np.arange(0, 360, 0.1), np.arange(-20, 20, 0.1)))
+    rays = np.stack([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)], axis=-1).reshape(-1, 3)
+    seen = []
+    for x, y in STATIONS:
+        origin = np.array([x, y, float(field.height_at(x, y)) + 1.6])
+        hits = scene.cast(np.broadcast_to(origin, rays.shape), rays)
+        kept = np.isfinite(hits.range_m) & (hits.range_m < 30.0)
+        seen.append(hits.position[kept] + rng.normal(0.0, 0.004, (int(kept.sum()), 1)) * rays[kept])
+    points = np.concatenate(seen)
+    points[:, 2] -= field.height_at(*points[:, :2].clip(-np.array(size) / 2, np.array(size) / 2).T)
+    trees = [each for each in world.instances if each.kind in TREES]
+    sizes = [float(np.linalg.norm(each.world_from_object[:3, 0])) for each in trees]
+    radii = [s * world.meshes[t.mesh].colliders[0].size[0] / COLLIDER for s, t in zip(sizes, trees, strict=True)]
+    known = np.array([(*each.world_from_object[:2, 3], radius) for each, radius in zip(trees, radii, strict=True)])
+    found = np.array([circle[:3] for circle in find_stems(points, rng)])
+    away, row = cKDTree(known[:, :2]).query(found[:, :2])
+    good = away < 0.3
+    off = 200.0 * (found[good, 2] - known[row[good], 2])
+    print(
+        f"stems, {len(STATIONS)} scans of 0.24 ha from the ground: {len({*row[good].tolist()})} of {len(known)} found, "
+        f"{(~good).sum()} false; diameter {off.mean():+.1f} cm, rms {np.sqrt((off**2).mean()):.1f} cm"
+    )
+
+
 def matched(world: World, found: Sequence[Tree]) -> str:
     """Compare found trees with those of a world: tops, heights and crowns of their meshes."""
     true = []
@@ -330,6 +375,7 @@ def plots(away: Array, places: Array) -> float:
 
 PARTS: Final[dict[str, Callable[[Path], None]]] = {
     "size": measure_size, "images": measure_images, "heights": measure_heights, "trees": measure_trees,
+    "stems": measure_stems,
 }  # fmt: skip
 
 

@@ -70,14 +70,14 @@ def read_canopy(
     heights, transform = surface.heights, _matrix(surface.transform)
     if ground is not None:
         rows, columns = np.meshgrid(*(np.arange(n) + 0.5 for n in heights.shape), indexing="ij")
-        heights = heights - _ground(ground, surface.crs, *(surface.transform @ (columns, rows)))
+        heights = heights - height_of(ground, surface.crs, *(surface.transform @ (columns, rows)))
     low, high = np.percentile(heights[~surface.filled], [90.0, 99.0])
     if high > TALLEST:
         raise ConfigurationError(f"{path}: heights of {high:.0f} m are above the sea, not the ground; give the ground")
     if low < -1.0:
         raise ConfigurationError(f"{path}: it is {-low:.0f} m below the ground; give the geoid_height of both")
     heights = np.where(surface.filled, -np.inf, heights)
-    world_from_crs, _, _ = _plane(surface.crs, origin, size)
+    world_from_crs, _, _ = plane(surface.crs, origin, size)
     cell = float(np.min(np.hypot(*(world_from_crs[:, :2] @ transform[:2, :2]))))
     return _canopy(path, heights, world_from_crs @ transform, size, _factor(_FINEST / cell), scan=False)
 
@@ -118,7 +118,7 @@ def canopy_model(points: Iterable[Array], ground: Elevation, origin: Origin, siz
     Raises:
         ConfigurationError: no point lies within the world.
     """
-    world_from_crs, corners, unit = _plane(ground.crs, origin, size)
+    world_from_crs, corners, unit = plane(ground.crs, origin, size)
     step = _FINEST / unit
     low = np.floor((corners.min(axis=0) - _MARGIN / unit) / step) * step
     shape = tuple(np.ceil((corners.max(axis=0) + _MARGIN / unit - low) / step).astype(int)[::-1].tolist())
@@ -127,7 +127,7 @@ def canopy_model(points: Iterable[Array], ground: Elevation, origin: Origin, siz
         column, row = ((chunk[:, :2] - low) // step).astype(np.int64).T
         row = shape[0] - 1 - row
         inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
-        above = chunk[inside, 2] - _ground(ground, ground.crs, *chunk[inside, :2].T)
+        above = chunk[inside, 2] - height_of(ground, ground.crs, *chunk[inside, :2].T)
         kept = above <= TALLEST
         np.maximum.at(top, (row[inside][kept], column[inside][kept]), above[kept].astype(np.float32))
         count += int(kept.sum())
@@ -139,7 +139,7 @@ def canopy_model(points: Iterable[Array], ground: Elevation, origin: Origin, siz
     return _canopy(ground.source, top, world_from_crs @ transform, size, factor, scan=True)
 
 
-def _ground(ground: Elevation, crs: Any, east: Array, north: Array) -> Array:
+def height_of(ground: Elevation, crs: Any, east: Array, north: Array) -> Array:
     """Heights [m] of the ground at coordinates of ``crs``, linear between its cells."""
     from pyproj import Transformer
 
@@ -154,7 +154,7 @@ def _matrix(transform: Any) -> Array:
     return np.array(tuple(transform)[:9], np.float64).reshape(3, 3)
 
 
-def _plane(crs: Any, origin: Origin, size: tuple[float, float]) -> tuple[Array, Array, Array]:
+def plane(crs: Any, origin: Origin, size: tuple[float, float]) -> tuple[Array, Array, Array]:
     """World x and y of (east, north, 1), (2, 3); coordinates of points all over the world (n, 2); metres per unit (2,).
 
     The best plane: a world of 1 km in degrees is within 5 cm of it, in a map projection within 1 cm.

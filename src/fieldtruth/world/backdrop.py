@@ -185,6 +185,11 @@ def scatter_beyond(
         return np.asarray((outside > margin) & (outside < within))
 
     xy = jittered_grid(2 * (np.array(size) / 2 + within), spec.per_m2, rng, density, keep=around)
+    return stand_beyond(ground, spec, xy, rng)
+
+
+def stand_beyond(ground: Land, spec: SwarmSpec, xy: Array, rng: np.random.Generator) -> FarSwarm:
+    """Stand the small objects of a swarm at positions (n, 2) on the land. Draws scales, yaws, meshes and tints."""
     n = len(xy)
     scale = random_scales(rng, spec.scales, n)
     poses = upright_poses(xy, rng.uniform(0, 2 * np.pi, n), scale)

@@ -7,6 +7,7 @@ many small objects at once, spread over an area.
 """
 
 import dataclasses
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot
@@ -223,6 +224,8 @@ class ObjectGroup:
     scales: tuple[float, float] = (1.0, 1.0)
     tint: float = 0.0
     """Spread of the brightness, see ``random_tint``."""
+    differ: float = 0.0
+    """Distance [m] within which no two are copies of one mesh while another is left; all are used about equally."""
 
     def mesh(self, number: int) -> Mesh:
         """Mesh of the object with this number, counted from 0."""
@@ -274,6 +277,13 @@ def place_until_count(
 def eased(spacing: float, eases: Sequence[float] = EASES) -> list[float]:
     """Spacings [m] to try in turn: shares of the requested one."""
     return [ease * spacing for ease in eases]
+
+
+def _least_used(used: Sequence[tuple[float, float, int]], xy: Array, group: ObjectGroup) -> int:
+    """Row of the mesh that is used least, of those that no object near xy [m] is a copy of if there are any."""
+    counts, (x, y) = Counter(row for _, _, row in used), xy.tolist()
+    near = {row for a, b, row in used if hypot(a - x, b - y) < group.differ}
+    return min(range(len(group.meshes)), key=lambda row: (row in near, counts[row], row))
 
 
 @dataclasses.dataclass
@@ -405,18 +415,24 @@ class WorldBuilder:
     ) -> list[Instance]:
         """Place objects at candidates (n, 2), upright or at the ``pose`` (4, 4) of a position, a yaw and a scale.
 
-        Draws for each candidate a scale, and for a placed object yaw and tint.
+        Draws for each candidate a scale, and for a placed object tint and yaw, unless candidates (n, 3) have that.
 
         Raises:
             CrowdedWorldError: too few candidates are free even at the least of the eased spacings.
         """
+        used: list[tuple[float, float, int]] = []
 
-        def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
-            mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
-            radius = mesh.footprint * scale
-            if not apart or not self.is_free(xy, radius):
+        def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
+            xy, scale = candidate[:2], float(rng.uniform(*group.scales))
+            if not apart:
                 return None
-            yaw, tint = float(rng.uniform(0.0, 2.0 * np.pi)), random_tint(rng, group.tint)
+            row = _least_used(used, xy, group) if group.differ else number % len(group.meshes)
+            mesh, radius = group.meshes[row], group.meshes[row].footprint * scale
+            if not self.is_free(xy, radius):
+                return None
+            used.append((float(xy[0]), float(xy[1]), row))
+            yaw = float(candidate[2]) if len(candidate) > 2 else float(rng.uniform(0.0, 2.0 * np.pi))
+            tint = random_tint(rng, group.tint)
             if pose is None:
                 return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=tint)
             return self.add(group.kind, mesh, pose(xy, yaw, scale), [(*xy, radius)], tint=tint)

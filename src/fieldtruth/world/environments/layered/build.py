@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world of the layers of an environment's file, in this order: relief, ground, objects, plants, land beyond."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -15,9 +15,11 @@ from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Descripti
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
-from fieldtruth.world.environments.layered.trees import crowns, raise_roots
+from fieldtruth.world.environments.layered.trails_beyond import with_trails
+from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
@@ -33,7 +35,7 @@ from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Instance, Mesh, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.relief import Axes, with_layer, with_microrelief
+from fieldtruth.world.relief import with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
 TRAIL: Final = Expression("trail")
@@ -62,7 +64,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     land = make_land_beyond(builder, fields, description.beyond)
     fields.ground = ground_height(builder, land)
     place_objects(builder, fields, config, description)
-    fields.crowns = crowns(builder, fields.nodes)
+    fields.crowns, fields.near["foot"] = crowns(builder, fields.nodes), nearest(feet(builder))
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
     if description.roots:  # they may have raised the world's edge
@@ -73,7 +75,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         name=config.environment,
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
-        backdrop=land[0],
+        backdrop=with_trails(land.mesh, land.trails, terrain, builder.size),
         beyond=[*fields.far, *swarms_beyond(builder, fields, config, description.beyond, land)],
         litter=config.litter,
         objects=config.objects,
@@ -132,11 +134,11 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
     return [(make_flat_sheet(water.name, x, y), level)]
 
 
-def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dict[str, Array]:
+def painted(values: Callable[[Expression], Array], ground: Mapping[str, Expression]) -> dict[str, Array]:
     """Share (nx, ny) of each material of the ground: each covers what is below it; the first one is everywhere."""
     shares: dict[str, Array] = {}
     for name, rule in ground.items():
-        opacity = np.clip(fields.on(rule, axes), 0.0, 1.0) if shares else np.ones([len(axis) for axis in axes])
+        opacity = np.clip(values(rule), 0.0, 1.0) if shares else np.ones_like(values(TRAIL))
         shares = {other: share * (1.0 - opacity) for other, share in shares.items()}
         shares[name] = opacity
     return shares
@@ -145,10 +147,9 @@ def painted(fields: Fields, axes: Axes, ground: Mapping[str, Expression]) -> dic
 def make_ground(fields: Fields, config: Any, description: Description) -> WorldBuilder:
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
-    on_trail = np.clip(0.5 - fields.on(TRAIL, fields.nodes) / 0.2, 0.0, 1.0)
-    shares = {
-        name: (1.0 - on_trail) * share for name, share in painted(fields, fields.nodes, description.ground).items()
-    }
+    values = fields.over(fields.nodes)
+    on_trail = np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
+    shares = {name: (1.0 - on_trail) * share for name, share in painted(values, description.ground).items()}
     for name, share in (*shares.items(), (description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
         if ground:
@@ -164,11 +165,12 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
 def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:
     """Terrain with its materials; edges of trails are ragged."""
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
-    shares, trail = painted(fields, axes, description.ground), description.trail
+    values, trail = fields.over(axes), description.trail
+    shares = painted(values, description.ground)
     ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(fields.on(TRAIL, axes) + 0.1 * ragged, cell, *axes),
+        trail_distance=make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes),
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,

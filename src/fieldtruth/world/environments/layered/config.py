@@ -24,6 +24,7 @@ from pydantic import (
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
+from fieldtruth.world.environments.layered.beds import Beds
 from fieldtruth.world.environments.layered.expressions import DRAWN, Constant, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
 from fieldtruth.world.environments.layered.objects import Objects
@@ -59,9 +60,10 @@ HIDDEN: Final = frozenset({"edge"})
 SHAPED: Final = frozenset({"height", "slope"})
 """Height [m] and slope [deg] of the relief."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
-LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "above_water"})
+LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "foot", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, of all or of those with needles or
-leaves, 0 before there are any, and height [m] of the ground above the water, large where it is dry."""
+leaves, 0 before there are any, distance [m] to the nearest of their trunks, posts and legs, and height [m] of the
+ground above the water, large where it is dry."""
 
 
 class TrailSurface(Ruled):
@@ -70,6 +72,7 @@ class TrailSurface(Ruled):
     material: str = "path"
     border: str = "path_edge"
     border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
+    ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
 
 
 class Water(Ruled):
@@ -118,7 +121,7 @@ def _layer(given: Any) -> Layer:
         raise PartError(LAYERS[kind], report) from report
 
 
-LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "power_line": PowerLine}
+LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds, "power_line": PowerLine}
 """Types of the layers of objects."""
 
 
@@ -174,12 +177,22 @@ class Description(Frozen):
         for key, layer in self.objects.items():
             if isinstance(layer, Objects):
                 _check_along(f"objects.{key}.along", layer.along, self.lines, self.fields)
+        for key, swarm in self.beyond.swarms.items():
+            _check_along(f"beyond.swarms.{key}.along", swarm.along, (), ())
+        self._check_beside()
         for key, rule, known, drawn in self._rules():
             try:
                 rule.check(CONSTANTS | set(self.parameters) if isinstance(rule, Constant) else known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
+
+    def _check_beside(self) -> None:
+        earlier: list[str] = []
+        for key, layer in self.objects.items():
+            if isinstance(layer, Objects) and layer.beside is not None and layer.beside.layer not in earlier:
+                raise ValueError(f"objects.{key}.beside: unknown layer before it: {layer.beside.layer!r}")
+            earlier.append(key)
 
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
@@ -222,8 +235,8 @@ class Description(Frozen):
         for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
             yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
+            objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
-            objects.add(key)
         yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
         for key, plants in self.plants.items():
             yield from ((f"plants.{key}.{name}", rule, known | objects, set()) for name, rule in plants.rules())
@@ -233,13 +246,14 @@ class Description(Frozen):
         self, numbers: Set[str], objects: Set[str]
     ) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
         place = PLACE | numbers | set(self.beyond.fields)
+        late = objects | {"land", "trail"}
         yield from ((f"beyond.fields.{key}", rule, place, {"waves"}) for key, rule in self.beyond.fields.items())
-        yield "beyond.land", self.beyond.land, place, set()
+        yield from ((f"beyond.{key}", rule, place, set()) for key, rule in self.beyond.rules())
         for key, rule in self.beyond.materials.items():
             yield f"beyond.materials.{key}", rule, place | {"land", "slope"}, set()
         for key, swarm in self.beyond.swarms.items():
             for name, rule in swarm.rules():
-                yield f"beyond.swarms.{key}.{name}", rule, place | objects | {"land"}, set()
+                yield f"beyond.swarms.{key}.{name}", rule, place | late, set()
 
     def _is_shaped(self, name: str, seen: frozenset[str] = frozenset()) -> bool:
         """Return True if a field follows from the relief; raises ValueError where fields follow from each other."""
@@ -274,10 +288,12 @@ def _described(name: str, content: Entry, path: Path) -> Description:
             raise ConfigurationError(f"{path}: seasonal.{season}: {error}") from error
     groups = PLANTINGS[name].groups
     _check_groups(groups, description, path)
-    named = {f"objects.{key}": group for key, layer in description.objects.items() for group in layer.groups()}
-    named |= {f"plants.{key}": plants.group for key, plants in description.plants.items()}
-    named |= {f"beyond.swarms.{key}": plants.group for key, plants in description.beyond.swarms.items()}
-    for key, group in named.items():
+    named = [(f"objects.{key}", group) for key, layer in description.objects.items() for group in layer.groups()]
+    named += [(f"plants.{key}", group) for key, plants in description.plants.items() for group in plants.group]
+    named += [
+        (f"beyond.swarms.{key}", group) for key, each in description.beyond.swarms.items() for group in each.group
+    ]
+    for key, group in named:
         if group not in groups:
             raise ConfigurationError(f"{path}: {key}: unknown group {group!r}; {suggestion(group, groups)}")
     return description
@@ -330,7 +346,7 @@ def model_of(name: str) -> type[GroundConfig]:
         if isinstance(plants.per_m2, Expression):
             continue
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
-    keys["beyond"] = (Boolean, True)
+    keys["beyond"] = description.beyond.layout()
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
     model = create_model("Config", __base__=GroundConfig, **keys)
     grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]

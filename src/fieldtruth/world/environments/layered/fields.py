@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.environments.layered.expressions import Constant, Drawn, Expression
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
-from fieldtruth.world.model import Mesh, Raster, water_at
+from fieldtruth.world.model import Instance, Mesh, Raster, water_at
 from fieldtruth.world.placement import FarSwarm
 from fieldtruth.world.relief import Axes
 from fieldtruth.world.stand import Stand
@@ -55,6 +55,8 @@ class Fields:
     """Individuals of the groups that are grown."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
+    placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
+    """Objects of those layers."""
     ground: Callable[[Array], Array] | None = None
     """Height [m], (n,), of the ground at positions (n, 2), also beyond the edge."""
     far: list[FarSwarm] = field(default_factory=list)
@@ -65,12 +67,16 @@ class Fields:
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
-        return self._values(rule, xy, {})
+        return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
         """Values (nx, ny) of a rule at the nodes of axes [m]."""
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return self.at(rule, nodes).reshape(len(axes[0]), len(axes[1]))
+        return self.over(axes)(rule)
+
+    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+        """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
+        xy, cache = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), dict[str, Array]()
+        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -97,7 +103,7 @@ class Fields:
 
         xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
-        return self._values(rule, xy, drawn).reshape(shape)
+        return self._values(rule, xy, drawn, {}).reshape(shape)
 
     def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
@@ -114,9 +120,7 @@ class Fields:
         """Spacing [m] of the relief's nodes."""
         return float(self.nodes[0][1] - self.nodes[0][0])
 
-    def _values(self, rule: Expression, xy: Array, drawn: Drawn) -> Array:
-        cache: dict[str, Array] = {}
-
+    def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
         def lookup(name: str) -> Array:
             if name not in cache:
                 cache[name] = self._known(name, xy, lookup)

@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.fields import Boolean, Integer, Positive
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.plants import grown
+from fieldtruth.world.environments.layered.plants import Groups, grown
 from fieldtruth.world.environments.layered.positions import Along, Rows, along_line, in_rows
 from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule
 from fieldtruth.world.environments.layered.trees import SPECIES, grouped
@@ -30,15 +30,24 @@ TRIES: Final = 6000
 """Random positions of a layer in a world as large as the built-in ones."""
 
 
+class Beside(Frozen):
+    """Positions beside the objects of an earlier layer, in random order, with their heading: one at most at each."""
+
+    layer: str
+    aside: Positive  # [m] to either side
+    ahead: Number = 0.0  # [m]
+
+
 class Objects(Layer):
     """Objects of a kind: so many at random positions, in rows, or along a line."""
 
-    group: str = ""  # of plants or rocks
+    group: Groups = ()  # of plants or rocks
     furniture: tuple[str, ...] = ()  # instead
     count: Annotated[Integer, Field(ge=0)] = 0
     grows: Literal["area", "length"] = "area"  # of a larger world, with which the count grows
     rows: Rows | None = None
-    along: Along | None = None
+    along: Along | None = None  # with a count: at so many of its positions
+    beside: Beside | None = None  # as many of the count as there is space for; the others elsewhere
     where: Rule = Field(default=Expression("1"))  # chance of a position
     spacing: Distance = 0.0  # [m] between any two; eases where space is scarce
     scales: tuple[Positive, Positive] = (1.0, 1.0)
@@ -49,6 +58,7 @@ class Objects(Layer):
     footprint: Positive = 1.0  # share of the footprint's radius that is kept free: crowns reach into each other below 1
     bedded: Boolean = False  # rocks that lean with the slope, so deep that their whole rim is in the ground
     stand: Boolean = False  # trees that find light between those that stand
+    differ: Distance = 0.0  # [m] within which no two are copies of one individual while another is left
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -56,8 +66,10 @@ class Objects(Layer):
             raise ValueError("either group or furniture is required")
         if SPECIES in self.kind and not self.count:
             raise ValueError(f"kind may have {SPECIES} where there is a count only")
-        if (self.count > 0) + (self.rows is not None) + (self.along is not None) != 1:
+        if (self.count > 0 or self.along is not None) + (self.rows is not None) != 1:
             raise ValueError("one of count, rows and along is required")
+        if self.beside is not None and not self.count:
+            raise ValueError("beside: a count is required")
         for unknown in (name for name in self.furniture if name not in FURNITURE):
             raise ValueError(f"unknown furniture {unknown!r}; {suggestion(unknown, FURNITURE)}")
         return self
@@ -68,15 +80,15 @@ class Objects(Layer):
 
     def groups(self) -> tuple[str, ...]:
         """Names of the groups of plants and rocks that it needs."""
-        return (self.group,) if self.group else ()
+        return self.group
 
     def place(self, builder: WorldBuilder, fields: Fields, config: Any, name: str) -> None:
         """Place the objects; see ``Layer.place``."""
         first = len(builder.instances)
         _place(builder, fields, config, self, name)
-        placed = [each.world_from_object[:2, 3] for each in builder.instances[first:]]
+        fields.placed[name] = placed = builder.instances[first:]
         if placed:
-            fields.near[name] = nearest(np.array(placed))
+            fields.near[name] = nearest(np.array([each.world_from_object[:2, 3] for each in placed]))
 
 
 def nearest(points: Array) -> Callable[[Array], Array]:
@@ -89,10 +101,10 @@ def _place(builder: WorldBuilder, fields: Fields, config: Any, layer: Objects, n
     rng, amount = rng_of(fields.seed, f"objects.{name}"), getattr(config, name)
     if not amount:
         return
-    meshes = grown(fields, layer.group, config) if layer.group else [make_furniture(n) for n in layer.furniture]
+    meshes = grown(fields, config, *layer.group) if layer.group else [make_furniture(n) for n in layer.furniture]
     meshes = [replace(mesh, footprint=layer.footprint * mesh.footprint) for mesh in meshes]
-    own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint")}
-    shares = config.planter.shares(layer.group) if layer.group else {}
+    own: dict[str, Any] = {key: getattr(layer, key) for key in ("spacing", "scales", "tint", "differ")}
+    shares = config.planter.shares(layer.group[0]) if len(layer.group) == 1 else {}
     for group in grouped(layer.kind or name, meshes, amount if layer.count else 0, shares, **own):
         _place_group(builder, fields, config, layer, group, (rng, amount))
 
@@ -113,7 +125,7 @@ def _place_group(
 
     if not layer.count:
         _place_all(builder, fields, layer, group, rng, amount)
-    elif layer.group and PLANTINGS[config.environment].groups[layer.group].form == "log":
+    elif layer.group and PLANTINGS[config.environment].groups[layer.group[0]].form == "log":
         _lay_all(builder, fields, layer, group, rng)
     elif layer.bedded:
         scatter_rocks(builder, group, rng, lambda xy: fields.at(layer.where, xy))
@@ -121,8 +133,28 @@ def _place_group(
         fields.stand = fields.stand or Stand(builder)
         fields.stand.plant(group, rng, allowed)
     else:
-        darts = builder.random_positions(builder.tries(TRIES), rng)
-        builder.place(group, rng, darts[allowed(darts)], pose=_pose(builder, layer))
+        if layer.beside is not None:
+            group = replace(group, count=group.count - _place_beside(builder, fields, layer.beside, group, rng))
+        if layer.along is None:
+            darts = builder.random_positions(builder.tries(TRIES), rng)
+        else:
+            darts = rng.permutation(along_line(builder, fields, layer.along, rng))[:, : 3 if layer.aligned else 2]
+        builder.place(group, rng, darts[allowed(darts[:, :2])], pose=_pose(builder, layer))
+
+
+def _place_beside(
+    builder: WorldBuilder, fields: Fields, beside: Beside, group: ObjectGroup, rng: np.random.Generator
+) -> int:
+    """Place objects of a group at the first free side of others; return how many."""
+    placed = 0
+    for other in rng.permutation(np.array([each.world_from_object for each in fields.placed.get(beside.layer, ())])):
+        mesh, yaw = group.mesh(placed), float(np.arctan2(other[1, 0], other[0, 0]))
+        sides = [(other @ [beside.ahead, side * beside.aside, 0.0, 1.0])[:2] for side in (1.0, -1.0)]
+        free = [xy for xy in sides if builder.is_free(xy, mesh.footprint)]
+        if free and placed < group.count:
+            builder.add_upright(group.kind, mesh, free[0], yaw=yaw, tint=random_tint(rng, group.tint))
+            placed += 1
+    return placed
 
 
 def _pose(builder: WorldBuilder, layer: Objects) -> Callable[[Array, float, float], Array] | None:

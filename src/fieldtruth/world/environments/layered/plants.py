@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, PlainValidator
+from pydantic import BeforeValidator, Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Boolean, Positive
 from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.positions import Rows, in_rows
+from fieldtruth.world.environments.layered.positions import Along, Rows, in_rows
 from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
 from fieldtruth.world.environments.layout import Density, Share
 from fieldtruth.world.model import Mesh
@@ -32,10 +32,17 @@ def _density(given: Any) -> float | Constant:
     return float(given)
 
 
+def _names(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+Groups = Annotated[tuple[str, ...], BeforeValidator(_names), Field(description="the name of a group, or several")]
+
+
 class Plants(Ruled):
     """A swarm of plants or stones; keys as of ``placement.SwarmForm``."""
 
-    group: str
+    group: Groups
     kind: str
     per_m2: Annotated[float | Constant, PlainValidator(_density)] = 1.0  # a rule of parameters is no key of layouts
     mean: Boolean = False  # it is what ``where`` leaves in the mean over the world
@@ -53,9 +60,10 @@ class Plants(Ruled):
 class FarPlants(Ruled):
     """A swarm of plants or stones on the land beyond the edge."""
 
-    group: str
+    group: Groups
     kind: str
     per_m2: Density = 1.0
+    along: Along | None = None  # the trails beyond the edge, instead
     where: Rule = Field(default=Expression("1"))  # of x, y, beyond, land, the fields of the land and layers of objects
     scales: tuple[Positive, Positive] = (0.8, 1.25)
     tint: Distance = 0.1
@@ -65,24 +73,33 @@ class FarPlants(Ruled):
     margin: Distance = 1.5
 
 
-def grown(fields: Fields, group: str, config: Any) -> list[Mesh]:
-    """Individuals of a group, which all layers share.
+def grown(fields: Fields, config: Any, *groups: str) -> list[Mesh]:
+    """Individuals of groups, which all layers share; of several ones by turns as many of each as it has species.
 
     Raises:
         ConfigurationError: a species cannot be as high as the file says.
     """
-    if group not in fields.meshes:
-        try:
-            fields.meshes[group] = config.planter.grow(group, rng_of(fields.seed, f"groups.{group}"))
-        except ValueError as error:
-            raise ConfigurationError(f"environment {config.environment}: groups.{group}: {error}") from error
-    return fields.meshes[group]
+    for group in groups:
+        if group not in fields.meshes:
+            rng = rng_of(fields.seed, f"groups.{group}")
+            try:
+                fields.meshes[group] = config.planter.grow(group, rng)
+            except ValueError as error:
+                raise ConfigurationError(f"environment {config.environment}: groups.{group}: {error}") from error
+    if len(groups) == 1:
+        return fields.meshes[groups[0]]
+    turns = [
+        (number // len(config.planter.species(group)), mesh)
+        for group in groups
+        for number, mesh in enumerate(fields.meshes[group])
+    ]
+    return [mesh for _, mesh in sorted(turns, key=lambda turn: turn[0])]
 
 
-def _per_m2(fields: Fields, layer: Plants, given: float | None) -> float:
-    """Density before it is thinned; ``given`` is that of the layout."""
-    wanted = fields.constant(layer.per_m2) if isinstance(layer.per_m2, Constant) else given
-    assert wanted is not None
+def density_of(fields: Fields, layer: Plants, given: float | None = None) -> float:
+    """Density before it is thinned; ``given`` is that of the layout, if it has one."""
+    wanted = layer.per_m2 if given is None else given
+    wanted = fields.constant(wanted) if isinstance(wanted, Constant) else wanted
     if layer.mean:
         axes = [np.arange(-side / 2 + 0.5, side / 2, 1.0) for side in fields.size]
         wanted /= max(float(fields.on(layer.where, (axes[0], axes[1])).clip(0, 1).mean()), 1e-3)
@@ -93,10 +110,10 @@ def scatter_plants(builder: WorldBuilder, fields: Fields, config: Any, layers: M
     """Scatter the swarms of all layers."""
     for name, layer in layers.items():
         rng, given = rng_of(fields.seed, f"plants.{name}"), getattr(config, name, None)
-        amount = _per_m2(fields, layer, given) if layer.rows is None else given
+        amount = density_of(fields, layer, given) if layer.rows is None else given
         if not amount:
             continue
-        meshes = grown(fields, layer.group, config)
+        meshes = grown(fields, config, *layer.group)
         spec = specified(name, layer, meshes, amount)
         if layer.rows is None:
             builder.scatter_swarm(spec, rng, lambda xy, rule=layer.where: fields.at(rule, xy))  # type: ignore[misc]

@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Positions in parallel rows, along lines of an environment or beside its trails, and along contours of a field."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from contourpy import contour_generator
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.fields import Frozen, Number, Positive
+from fieldtruth.experiment.fields import Boolean, Frozen, Number, Positive
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields
 from fieldtruth.world.environments.layered.sections import Distance
 from fieldtruth.world.environments.layout import Share
-from fieldtruth.world.grids import Line
+from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.placement import WorldBuilder
 
 _CORNER: Final = 4
@@ -45,6 +46,7 @@ class Along(Frozen):
     offset: Number = 0.0  # [m] to the left of the line, where a field is larger; of trails from their edge, both sides
     jitter: Distance = 0.0
     gaps: Share = 0.0
+    facing: Boolean = False  # headings towards the line instead of along it
 
 
 def in_rows(size: tuple[float, float], rows: Rows, rng: np.random.Generator) -> Array:
@@ -60,20 +62,34 @@ def in_rows(size: tuple[float, float], rows: Rows, rng: np.random.Generator) -> 
 
 def along_line(builder: WorldBuilder, fields: Fields, along: Along, rng: np.random.Generator) -> Array:
     """Positions (n, 3): x, y [m] and the heading [rad] along a line or contours, or on both sides of the trails."""
-    lines: list[tuple[Line, float]]
     if along.line == "trail":
-        edges = [(part, trail.width / 2 + along.offset) for trail in builder.trails for part in trail.line.parts()]
-        lines = [(line, side * off) for line, off in edges for side in (-1.0, 1.0)]
+        lines = beside_trails(builder.trails, along.offset)
     else:
         parts = contours(fields, along.contours, along.step) if along.contours else fields.lines[along.line].parts()
         lines = [(part, along.offset) for part in parts]
+    return _kept(along_lines(lines, along), builder.size, along.jitter, along.gaps, rng)
+
+
+def beside_trails(trails: Sequence[Trail], offset: float) -> list[tuple[Line, float]]:
+    """Lines of trails, each with the distances [m] to its left that are ``offset`` [m] outside its edges."""
+    return [
+        (part, side * (trail.width / 2 + offset))
+        for trail in trails
+        for part in trail.line.parts()
+        for side in (-1.0, 1.0)
+    ]
+
+
+def along_lines(lines: Sequence[tuple[Line, float]], along: Along) -> Array:
+    """Positions (n, 3): x, y [m] and the heading [rad] along lines with distances [m] to their left."""
     found = [np.zeros((0, 3))]
     for line, left in lines:
         step = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line.points, axis=0), axis=1))])
         rows = np.searchsorted(step, np.arange(0.0, step[-1], along.every))
         (tx, ty), points = line.tangents[rows].T, line.points[rows]
-        found.append(np.column_stack([points + left * np.column_stack([-ty, tx]), np.arctan2(ty, tx)]))
-    return _kept(np.concatenate(found), builder.size, along.jitter, along.gaps, rng)
+        turn = -np.sign(left) * np.pi / 2 if along.facing else 0.0
+        found.append(np.column_stack([points + left * np.column_stack([-ty, tx]), np.arctan2(ty, tx) + turn]))
+    return np.concatenate(found)
 
 
 def contours(fields: Fields, name: str, step: float) -> list[Line]:

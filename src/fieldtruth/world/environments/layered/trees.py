@@ -8,7 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.world.environments.layered.fields import FAR
 from fieldtruth.world.grids import grid_axes, make_raster, under_circles
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Instance, Mesh, Raster
@@ -18,6 +20,10 @@ from fieldtruth.world.relief import Axes, root_swells
 
 CANOPY: Final = 0.8
 """Distance [m] over which a crown's share of the ground fades at its rim."""
+FOOT: Final = 0.08
+"""Distance [m] between positions of an object's foot."""
+SOLE: Final = 0.15
+"""Height [m] of the part of an object that is its foot."""
 ROOTS: Final = 0.1
 """Largest spacing [m] of the terrain's nodes on which roots can be seen."""
 SPECIES: Final = "{species}"
@@ -37,10 +43,26 @@ def crowns(builder: WorldBuilder, axes: Axes) -> dict[str, Raster]:
     return {name: make_raster(under_circles(own, axes, CANOPY), spacing, *axes) for name, own in kinds.items()}
 
 
+def feet(builder: WorldBuilder) -> Array:
+    """Positions (n, 2) [m] of trunks, posts and legs at the ground, ``FOOT`` apart; bushes have none."""
+    cells = [np.full((1, 2), FAR)]
+    for each in builder.instances:
+        mesh, pose = builder.meshes[each.mesh], each.world_from_object
+        if Label.BUSH in _labels(builder, mesh):
+            continue
+        low = mesh.vertices[mesh.vertices[:, 2] < mesh.vertices[:, 2].min() + SOLE].astype(np.float64)
+        cells.append(np.unique(np.round((low @ pose[:3, :3].T + pose[:3, 3])[:, :2] / FOOT), axis=0) * FOOT)
+    return np.concatenate(cells)
+
+
+def _labels(builder: WorldBuilder, mesh: Mesh) -> list[int]:
+    """Classes of a mesh's materials."""
+    return [int((builder.materials.get(name) or MATERIALS[name]).label) for name in mesh.materials]
+
+
 def _crown(builder: WorldBuilder, mesh: Mesh) -> float:
     """Radius [m] about the stem that holds 90 % of the leaves' triangles; 0 without leaves."""
-    materials = [builder.materials.get(name) or MATERIALS[name] for name in mesh.materials]
-    leafy = [k for k, material in enumerate(materials) if material.label in (Label.TREETOP, Label.BUSH)]
+    leafy = [k for k, label in enumerate(_labels(builder, mesh)) if label in (Label.TREETOP, Label.BUSH)]
     faces = mesh.faces[np.isin(mesh.material, leafy)]
     return float(np.quantile(np.hypot(*mesh.vertices[faces[:, 0], :2].T), 0.9)) if len(faces) else 0.0
 
