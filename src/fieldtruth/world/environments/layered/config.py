@@ -39,6 +39,7 @@ from fieldtruth.world.environments.layout import (
     Density,
     GroundConfig,
     PlantGroup,
+    Season,
     Share,
     Size,
     Trails,
@@ -333,7 +334,7 @@ def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
     keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (str, description.season),
+        "size": (Size, description.size), "season": (Season, description.season),
     }  # fmt: skip
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
