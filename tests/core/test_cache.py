@@ -41,9 +41,9 @@ def test_the_key_of_the_lidar_changes_with_every_module_that_it_imports(copied_s
 
 @pytest.mark.parametrize("edited", ["trees/lime.yaml", "rocks/slab.yaml", "materials/ground.yaml"])
 def test_the_key_of_worlds_changes_with_every_species_rock_type_and_material(copied_source: Path, edited: str) -> None:
-    before = cache_key(["fieldtruth.world.environments.forest.build"])
+    before = cache_key(["fieldtruth.world.environments.layered.build"])
     assert (
-        key_after_edit(copied_source / "world" / "data" / edited, "fieldtruth.world.environments.forest.build")
+        key_after_edit(copied_source / "world" / "data" / edited, "fieldtruth.world.environments.layered.build")
         != before
     )
 

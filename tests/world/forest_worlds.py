@@ -6,9 +6,7 @@ from functools import cache
 
 from sense_worlds import without_textures
 
-from fieldtruth.world.build import reserved_corridors
-from fieldtruth.world.environments.forest.build import build as build_forest
-from fieldtruth.world.environments.forest.config import Config as ForestConfig
+from fieldtruth.world.build import build_world
 from fieldtruth.world.model import World
 
 
@@ -16,6 +14,4 @@ from fieldtruth.world.model import World
 def forest_variant(seed: int, **changes: float) -> World:
     """A quick forest; textures do not change its layout."""
     with without_textures():
-        return build_forest(
-            seed, reserved_corridors("forest"), ForestConfig.model_validate({"individuals": 1, **changes})
-        )
+        return build_world("forest", seed, {"individuals": 1, **changes})

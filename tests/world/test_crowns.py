@@ -13,7 +13,7 @@ import pytest
 from crown_statistics import CrownStatistics, crown_statistics, leaf_area, leaf_profile, with_needles
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import TREES, grow_tree
@@ -51,7 +51,7 @@ def statistics(crown: Crown, distance: float, detail: float) -> Array:
 
 
 TREE_DETAIL = {age: PLANTINGS["forest"].groups[age].detail for age in ("old", "grown", "young")}
-CROWNS = [Crown(name, age) for age in TREE_DETAIL for name in Config().species]
+CROWNS = [Crown(name, age) for age in TREE_DETAIL for name in layout_model("forest")().species]  # type: ignore[attr-defined]
 FEW = [Crown("birch", "young"), Crown("spruce", "grown")]
 
 

@@ -3,6 +3,7 @@
 """Rules of the forest for several seeds: density, ages, free trails and routes."""
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,19 +11,19 @@ from forest_worlds import forest_variant
 from mesh_checks import scale_of
 from numpy.typing import NDArray
 from park_worlds import digest
-from pydantic import ValidationError
 from scipy.ndimage import gaussian_filter
+from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.build import load_world, reserved_corridors
-from fieldtruth.world.environments.forest.config import Config as ForestConfig
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.build import build_world, check_layout, layout_model, load_world, reserved_corridors
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, Instance, World
 from fieldtruth.world.plants import TREES
 
 F8 = NDArray[np.float64]
-CONFIG = ForestConfig()
+CONFIG: Any = layout_model("forest")()
 CONIFERS = {"spruce", "pine"}
 
 
@@ -160,12 +161,15 @@ def test_same_seed_same_forest_other_seed_another() -> None:
 @pytest.mark.slow
 def test_layout_changes_only_its_keys() -> None:
     sparse = forest_variant(0, old_trees=10, fallen_trunks=0)
-    birches = ForestConfig.model_validate({"species": {"birch": 1.0}})
-    assert dict(birches.species) == {"birch": 1.0}
+    with without_textures():
+        birches = build_world("forest", 0, {"species": {"birch": 1.0}, "individuals": 1, "size": [40, 30]})
+    assert {i.kind for i in trees(birches)} == {"birch"}
+    dead = {name for i in birches.instances if i.kind in ("snag", "stump") for name in birches.meshes[i.mesh].species}
+    assert dead == {"birch"}
     assert sum("old" in i.mesh for i in sparse.instances) == 10
     assert not any(i.kind == "fallen_trunk" for i in sparse.instances)
 
 
 def test_unknown_species_are_errors() -> None:
-    with pytest.raises(ValidationError, match=r"unknown species 'palm'.*Available: alder"):
-        ForestConfig.model_validate({"species": {"palm": 1.0}})
+    with pytest.raises(ConfigurationError, match=r"unknown species 'palm'.*Available: alder"):
+        check_layout("forest", {"species": {"palm": 1.0}})

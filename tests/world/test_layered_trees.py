@@ -3,6 +3,7 @@
 """Layers of a forest: species by share, crowns, roots, random points, densities that remain, pits, gentle slopes."""
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return built(tmp_path_factory.mktemp("wood"), TEXT)
 
 
-def built(folder: Path, text: str, layout: dict[str, object] | None = None) -> World:
+def built(folder: Path, text: str, layout: Mapping[str, object] | None = None) -> World:
     with environment(folder / "wood.yaml", text) as name, without_textures():
         return build_world(name, 4, layout)
 

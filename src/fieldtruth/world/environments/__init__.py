@@ -72,23 +72,20 @@ class Environments(Registry[Environment]):
         return found
 
 
+_OF_CODE: Final = ("hillside", "park")
+"""Environments that are packages of their own; the others are files of layers."""
 ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     "environment",
     "environments",
     "",
     _read,
     {
-        name: Environment(description, f"{__name__}.{name}")
+        name: Environment(description, f"{__name__}.{name if name in _OF_CODE else 'layered'}")
         for name, description in (
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
-            ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
-        )
-    }
-    | {
-        name: Environment(description, f"{__name__}.layered")
-        for name, description in (
             ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
+            ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
             ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),

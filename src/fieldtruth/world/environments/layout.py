@@ -243,7 +243,6 @@ HILLS: Final = 0.2
 MOST: Final = 400
 """Objects of a kind in a built-in world, or in a smaller one, at most; larger ones have as many to the hectare."""
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
-Season = Annotated[str, Field(description="a season: spring, summer, autumn or winter")]
 Spacing = Annotated[Number, Field(ge=0.01, le=1)]
 _NUMBER: Final = Field(ge=0, description="an integer between 0 and 400, or 800 to the hectare")
 Count = Annotated[Integer, _NUMBER, "area"]
@@ -272,7 +271,7 @@ class GroundConfig(ClassesConfig):
     size: Size = BUILT_IN  # [m] along x (north) and y (west)
     grid: Spacing = 0.05  # [m] between the terrain's nodes
     roughness: Mapping[str, str] = Field(default={}, description="classes A to H of ISO 8608 by ground type")
-    season: Season = SUMMER
+    season: str = Field(default=SUMMER, description="a season: spring, summer, autumn or winter")
     drought: Share = USUAL  # 0 lush .. 1 dry: colours of grass
     snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
     plants: Mapping[str, tuple[str, ...]] = Field(default={}, description="lists of species by group of plants")

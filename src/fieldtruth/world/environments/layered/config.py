@@ -39,7 +39,6 @@ from fieldtruth.world.environments.layout import (
     Density,
     GroundConfig,
     PlantGroup,
-    Season,
     Share,
     Size,
     Trails,
@@ -333,9 +332,8 @@ DESCRIPTIONS: Final = Library("environments", _described, lambda _: ())
 def model_of(name: str) -> type[GroundConfig]:
     """Return the configuration of the layout of an environment of layers."""
     description = DESCRIPTIONS[name]
-    keys: dict[str, Any] = {
-        "size": (Size, description.size), "season": (Season, description.season),
-    }  # fmt: skip
+    season = Field(default=description.season, description=GroundConfig.model_fields["season"].description)
+    keys: dict[str, Any] = {"size": (Size, description.size), "season": (str, season)}
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
     keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}

@@ -8,6 +8,7 @@ interpolated; all others are computed where they are asked for.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
@@ -64,19 +65,29 @@ class Fields:
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
+    _far: dict[tuple[int, int], dict[str, Array]] = field(default_factory=dict)
+    """Distances from trails, corridors and lines on grids from edge to edge, by their shape: they take longest."""
 
     def at(self, rule: Expression, xy: Array) -> Array:
         """Values (n,) of a rule at positions (n, 2)."""
         return self._values(rule, xy, {}, {})
 
     def on(self, rule: Expression, axes: Axes) -> Array:
-        """Values (nx, ny) of a rule at the nodes of axes [m]."""
+        """Values (nx, ny) of a rule at the nodes of axes [m] from edge to edge."""
         return self.over(axes)(rule)
 
-    def over(self, axes: Axes) -> Callable[[Expression], Array]:
+    def over(self, axes: Axes, drawn: Drawn = MappingProxyType({})) -> Callable[[Expression], Array]:
         """Return a function that has the values (nx, ny) of rules at the nodes of axes [m], computing a field once."""
-        xy, cache = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), dict[str, Array]()
-        return lambda rule: self._values(rule, xy, {}, cache).reshape(len(axes[0]), len(axes[1]))
+        xy, shape = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), (len(axes[0]), len(axes[1]))
+        known = self._far.setdefault(shape, {})
+        cache = dict(known)
+
+        def values(rule: Expression) -> Array:
+            found = self._values(rule, xy, drawn, cache).reshape(shape)
+            known.update({k: each for k, each in cache.items() if k in ("trail", "corridor") or k in self.lines})
+            return found
+
+        return values
 
     def draw(self, rule: Expression, name: str) -> Array:
         """Values (nx, ny) of a rule at the relief's nodes; ``name`` is that of which its noise has the seed."""
@@ -99,11 +110,11 @@ class Fields:
         def points(per_ha: Array) -> Array:
             count = round(float(np.max(per_ha)) * float(np.prod(self.size)) / 1e4)
             centres = rng.uniform(-0.5, 0.5, (count, 2)) * self.size
+            xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
             return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
 
-        xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
         drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
-        return self._values(rule, xy, drawn, {}).reshape(shape)
+        return self.over(self.nodes, drawn)(rule)
 
     def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
@@ -121,6 +132,8 @@ class Fields:
         return float(self.nodes[0][1] - self.nodes[0][0])
 
     def _values(self, rule: Expression, xy: Array, drawn: Drawn, cache: dict[str, Array]) -> Array:
+        """Values (n,) of a rule; ``cache`` has those of fields that are known, and gets others."""
+
         def lookup(name: str) -> Array:
             if name not in cache:
                 cache[name] = self._known(name, xy, lookup)

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final
 
-import numpy as np
 from pydantic import BeforeValidator, Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
@@ -101,8 +100,7 @@ def density_of(fields: Fields, layer: Plants, given: float | None = None) -> flo
     wanted = layer.per_m2 if given is None else given
     wanted = fields.constant(wanted) if isinstance(wanted, Constant) else wanted
     if layer.mean:
-        axes = [np.arange(-side / 2 + 0.5, side / 2, 1.0) for side in fields.size]
-        wanted /= max(float(fields.on(layer.where, (axes[0], axes[1])).clip(0, 1).mean()), 1e-3)
+        wanted /= max(float(fields.on(layer.where, fields.nodes).clip(0, 1).mean()), 1e-3)
     return min(max(wanted, 0.0), DENSEST)
 
 
