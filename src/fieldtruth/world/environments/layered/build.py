@@ -18,6 +18,8 @@ from fieldtruth.world.environments.layered.land import ground_height, make_land_
 from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.steps import shape
+from fieldtruth.world.environments.layered.surroundings import shape_surroundings
 from fieldtruth.world.environments.layered.trails_beyond import with_trails
 from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
@@ -54,7 +56,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     description = DESCRIPTIONS[config.environment]
     config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
-    fields.height = shape(fields, description)
+    fields.height = shape_relief(fields, description)
     sheets = lay_water(fields, description)
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
@@ -107,13 +109,11 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
-def shape(fields: Fields, description: Description) -> Array:
-    """Heights [m] at the nodes: the relief's layers in turn, each of which knows those before it."""
-    height = np.zeros([len(axis) for axis in fields.nodes])
-    for name, layer in description.relief.items():
-        fields.height, key = height, f"relief.{name}"
-        height = height + fields.draw(layer, key) if isinstance(layer, Expression) else layer.apply(fields, key)
-    return height
+def shape_relief(fields: Fields, description: Description) -> Array:
+    """Heights [m] at the nodes: the relief, which begins with the land of the grids about the world."""
+    fields.land = shape_surroundings(fields, description.surroundings)
+    x, y = np.meshgrid(*fields.nodes, indexing="ij")
+    return shape(fields, description.relief, np.zeros(x.shape) if fields.land is None else fields.land(x, y), "relief")
 
 
 def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
@@ -159,7 +159,7 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
     assert fields.height is not None
     heights = with_microrelief(fields.height, fields.nodes, fine, cover, rng_of(fields.seed, "microrelief"))
     field = make_heightfield(heights, config.grid, *fine)
-    return WorldBuilder(field, config.size, fields.trails, fields.corridors)
+    return WorldBuilder(field, config.size, fields.trails, fields.corridors, description.corridor_width)
 
 
 def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:

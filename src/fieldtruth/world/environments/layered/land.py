@@ -130,8 +130,8 @@ def make_land_beyond(builder: WorldBuilder, fields: Fields, beyond: Beyond) -> L
     """Make the land around the world: hills, behind the trees a canopy, if there is one, and trails."""
     rng, size, roof, far = rng_of(fields.seed, "beyond"), builder.size, beyond.canopy, FarFields(fields, beyond)
     names = [beyond.material, *([] if roof is None else [roof.material]), *beyond.materials]
-    hills: Land = lambda x, _y: np.zeros_like(x)  # noqa: E731
-    if roof is None and beyond.hills:
+    hills: Land = fields.land or (lambda x, _y: np.zeros_like(x))
+    if roof is None and beyond.hills and fields.land is None:
         hills = rolling_hills(size, rng, height=beyond.hills)
     elif roof is not None:
         hills = canopy(size, rng, behind=roof.behind, roof=roof.height, hills=beyond.hills)
