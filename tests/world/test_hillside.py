@@ -16,9 +16,8 @@ from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.traversability import Blockage, Traversability
-from fieldtruth.world.build import load_world, reserved_corridors
-from fieldtruth.world.environments.hillside.build import build as build_hillside
-from fieldtruth.world.environments.hillside.config import Config as HillsideConfig
+from fieldtruth.world.build import build_world, layout_model, load_world, reserved_corridors
+from fieldtruth.world.environments.layered.build import build as build_layers
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import World
 from fieldtruth.world.rocks import ROCK_TYPES, rim_vertices
@@ -37,7 +36,7 @@ def routes() -> list[Line]:
 def hillside(seed: int) -> World:
     """The hillside with one individual of each kind and without textures, which do not change its layout."""
     with without_textures():
-        return build_hillside(seed, routes(), HillsideConfig(individuals=1))
+        return build_world("hillside", seed, {"individuals": 1})
 
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
@@ -192,9 +191,9 @@ def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
 def test_flank_without_corridors_is_steep_everywhere() -> None:
     rocks = {"crags": 2, "boulders": 2, "blocks": 2, "slabs": 1, "stones": 0, "pebbles": 0}
     plants = {"grass": 0, "junipers": 1, "gorse": 1, "cushions": 1, "pines": 1, "oaks": 1, "snags": 1}
-    config = HillsideConfig.model_validate({"individuals": 1, "grid": 0.2, **rocks, **plants})
+    config = layout_model("hillside").model_validate({"individuals": 1, "grid": 0.2, **rocks, **plants})
     with without_textures():
-        world = build_hillside(3, [], config)
+        world = build_layers(3, [], config)
     assert len(world.instances) == 13
     slope, away = slopes(world, 1.0)
     assert slope[away < 2.0].max() > 15.0

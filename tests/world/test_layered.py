@@ -24,6 +24,7 @@ from fieldtruth.world.environments.layered.land import PLACE, Beyond, waves
 from fieldtruth.world.environments.layered.steps import STEPS
 from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, World
+from fieldtruth.world.rocks import rim_vertices
 
 FIELDS = {
     "x": np.array([-3.0, 0.0, 2.0, 7.0]),
@@ -436,6 +437,22 @@ def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules
         ("litter_amount: 0", "seasonal: {winter: {grass: [wheet]}}", "seasonal.winter: grass: unknown species 'wheet'"),
         ("{oak: [3, 4]}", "{oak: [3, 4]}, count: 2 * few", "groups.tree.count: unknown field 'few'"),
         ("litter_amount: 0", "parameters: {few: {value: 1.5, integer: true}}", "parameters.few: .* must be integers"),
+        ("slope: 0.05 * x", "slope: {erode: {repose_deg: x}}", "relief.slope.repose_deg: unknown field 'x'"),
+        (
+            "slope: 0.05 * x",
+            "slope: {profile: {of: x, slopes_deg: [[0, 1], [0, 2]]}}",
+            r"slopes_deg: each \[coordinate, slope\] must have a larger coordinate",
+        ),
+        (
+            "litter_amount: 0",
+            "surroundings: {far: {margin: 0, spacing: 1, relief: {}}}",
+            "surroundings.far.margin must be a number above 0",
+        ),
+        (
+            "litter_amount: 0",
+            "surroundings: {far: {margin: 9, spacing: 1, relief: {a: wett}}}",
+            "surroundings.far.relief.a: unknown field 'wett'; did you mean 'wet'",
+        ),
         ("litter_amount: 0", "season: wintr", "unknown season 'wintr'; did you mean 'winter'"),
     ],
 )
@@ -512,7 +529,7 @@ def test_puddles_are_hollows_with_water_of_their_own(tmp_path: Path) -> None:
 def test_a_file_in_a_users_folder_is_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The example of the page on layers, in a process of its own, which reads FIELDTRUTH_PATH."""
     page = (Path(__file__).parents[2] / "docs" / "layers.md").read_text(encoding="utf-8")
-    [text] = re.findall(r"```yaml\n(.*?)```", page, flags=re.S)
+    text, *_ = re.findall(r"```yaml\n(.*?)```", page, flags=re.S)
     (tmp_path / "environments").mkdir()
     (tmp_path / "environments" / "steppe.yaml").write_text(text)
     (tmp_path / "environments" / "plants_only.yaml").write_text("groups: {}\n")
@@ -555,3 +572,14 @@ def test_groups_may_be_counted_by_an_integer_of_the_layout(tmp_path: Path) -> No
             assert {each.mesh for each in of_kind(world, "row_trees")} == {f"tree_oak_{k}" for k in range(trees)}
         with pytest.raises(ConfigurationError, match=r"layout: few must be an integer between 1 and 9, got 1\.5"):
             build_world(name, 3, {"few": 1.5})
+
+
+def test_bedded_rocks_have_their_whole_rim_in_a_steep_slope(tmp_path: Path) -> None:
+    text = TEXT.replace("0.05 * x", "0.5 * x").replace("count: 6,", "count: 6, bedded: true,")
+    with environment(tmp_path / "steep.yaml", text) as name:
+        world = build_world(name, 3, {"grass": 0, "row_trees": 0})
+    for rock in of_kind(world, "rock"):
+        pose = rock.world_from_object
+        rim = rim_vertices(world.meshes[rock.mesh]) @ pose[:3, :3].T + pose[:3, 3]
+        assert (rim[:, 2] < world.terrain.field.height_at(rim[:, 0], rim[:, 1])).all()
+        assert pose[2, 2] < 0.98 * np.linalg.norm(pose[:3, 2])

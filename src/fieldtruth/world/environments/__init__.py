@@ -72,7 +72,7 @@ class Environments(Registry[Environment]):
         return found
 
 
-_OF_CODE: Final = ("hillside", "lake", "park")
+_OF_CODE: Final = ("park",)
 """Environments that are packages of their own; the others are files of layers."""
 ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     "environment",

@@ -13,11 +13,13 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
-from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.fields import FAR, Fields, rng_of
 from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
+from fieldtruth.world.environments.layered.steps import shape
+from fieldtruth.world.environments.layered.surroundings import shape_surroundings
 from fieldtruth.world.environments.layered.trails_beyond import with_trails
 from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
 from fieldtruth.world.environments.layout import hills_spacing, network
@@ -54,23 +56,21 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     description = DESCRIPTIONS[config.environment]
     config = config.model_copy(update={"plants": {**description.seasonal.get(config.season, {}), **config.plants}})
     fields = _fields(description, seed, corridors, config)
-    fields.height = shape(fields, description)
+    fields.height = shape_relief(fields, description)
     sheets = lay_water(fields, description)
     builder = make_ground(fields, config, description)
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
     if description.water is not None:
         builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
-
-    def ground(xy: Array) -> Array:
-        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
-
-    fields.ground = ground
+    land = make_land_beyond(builder, fields, description.beyond)
+    fields.ground = ground_height(builder, land)
     place_objects(builder, fields, config, description)
     fields.crowns, fields.near["foot"] = crowns(builder, fields.nodes), nearest(feet(builder))
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    land = make_land_beyond(builder, fields, description.beyond)
+    if description.roots:  # they may have raised the world's edge
+        land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
@@ -109,13 +109,11 @@ def _fields(description: Description, seed: int, corridors: Sequence[Line], conf
     return Fields(description.fields, parameters, seed, config.size, nodes, trails, corridors, lines)
 
 
-def shape(fields: Fields, description: Description) -> Array:
-    """Heights [m] at the nodes: the relief's layers in turn, each of which knows those before it."""
-    height = np.zeros([len(axis) for axis in fields.nodes])
-    for name, layer in description.relief.items():
-        fields.height, key = height, f"relief.{name}"
-        height = height + fields.draw(layer, key) if isinstance(layer, Expression) else layer.apply(fields, key)
-    return height
+def shape_relief(fields: Fields, description: Description) -> Array:
+    """Heights [m] at the nodes: the relief, which begins with the land of the grids about the world."""
+    fields.land = shape_surroundings(fields, description.surroundings)
+    x, y = np.meshgrid(*fields.nodes, indexing="ij")
+    return shape(fields, description.relief, np.zeros(x.shape) if fields.land is None else fields.land(x, y), "relief")
 
 
 def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, float]]:
@@ -161,7 +159,7 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
     assert fields.height is not None
     heights = with_microrelief(fields.height, fields.nodes, fine, cover, rng_of(fields.seed, "microrelief"))
     field = make_heightfield(heights, config.grid, *fine)
-    return WorldBuilder(field, config.size, fields.trails, fields.corridors)
+    return WorldBuilder(field, config.size, fields.trails, fields.corridors, description.corridor_width)
 
 
 def cover_ground(builder: WorldBuilder, fields: Fields, description: Description) -> Terrain:
@@ -169,10 +167,14 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
     values, trail = fields.over(axes), description.trail
     shares = painted(values, description.ground)
-    ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
+    if fields.trails:
+        ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
+        trail_distance = make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes)
+    else:
+        trail_distance = make_raster(np.full((2, 2), FAR), max(builder.size), *axes)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes),
+        trail_distance=trail_distance,
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,

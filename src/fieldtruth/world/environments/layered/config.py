@@ -32,7 +32,8 @@ from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
 from fieldtruth.world.environments.layered.power_line import PowerLine
 from fieldtruth.world.environments.layered.sections import Amount, Distance, Layer, Rule, Ruled
-from fieldtruth.world.environments.layered.steps import Step, step_of
+from fieldtruth.world.environments.layered.steps import Relief, rules_of
+from fieldtruth.world.environments.layered.surroundings import Surroundings
 from fieldtruth.world.environments.layout import (
     PLANTED,
     PLANTINGS,
@@ -57,8 +58,8 @@ FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 corridor, and to the world's edge."""
 HIDDEN: Final = frozenset({"edge"})
 """Those of them that a parameter may hide."""
-SHAPED: Final = frozenset({"height", "slope"})
-"""Height [m] and slope [deg] of the relief."""
+SHAPED: Final = frozenset({"height", "slope", "drained"})
+"""Height [m] and slope [deg] of the relief, and the area [m^2] that drains through a position."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")
 LATE: Final = frozenset({"crown", "crown_needles", "crown_leaves", "foot", "above_water"})
 """Fields of rules only: share to which a position is below crowns of objects, of all or of those with needles or
@@ -149,15 +150,15 @@ class Description(Frozen):
     trails: Trails = ()
     trail_width: Positive = 1.6
     trail: TrailSurface = TrailSurface()
-    relief: Mapping[
-        str, Annotated[Expression | Step, PlainValidator(step_of)]
-    ] = {}  # heights [m] that are added, steps
+    surroundings: Mapping[str, Surroundings] = {}  # grids about the world, the widest first
+    relief: Mapping[str, Relief] = {}  # heights [m] that are added, and steps
     water: Water | None = None
     puddles: Puddles | None = None
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
     objects: Mapping[str, Annotated[Layer, PlainValidator(_layer)]] = {}
     roots: tuple[str, ...] = ()  # layers of objects about whose trunks the ground rises
     plants: Mapping[str, Plants] = {}
+    corridor_width: Positive = 2.0  # [m]
     seasonal: Mapping[str, Mapping[str, tuple[str, ...]]] = {}  # other species of groups by season: stages of crops
     litter_amount: Annotated[Number, Field(ge=0, le=4)] = 1.0
     beyond: Beyond = Beyond()
@@ -229,9 +230,9 @@ class Description(Frozen):
         yield from (
             (f"fields.{key}", rule, early | SHAPED | set(self.fields), nodes) for key, rule in self.fields.items()
         )
-        for key, step in self.relief.items():
-            for name, rule in [("", step)] if isinstance(step, Expression) else step.rules():
-                yield f"relief.{key}.{name}".rstrip("."), rule, flat, nodes
+        reliefs = {f"surroundings.{key}.relief": grid.relief for key, grid in self.surroundings.items()}
+        for at, layers in {**reliefs, "relief": self.relief}.items():
+            yield from ((f"{at}.{key}", rule, flat, nodes) for key, rule in rules_of(layers))
         for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
             yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
@@ -260,8 +261,9 @@ class Description(Frozen):
         if name in seen:
             raise ValueError(f"fields.{name}: follows from itself")
         names = self.fields[name].names if name in self.fields else set()
+        shaped = bool(names & SHAPED) or (name in self.fields and "uphill" in self.fields[name].drawn)
         follows = [self._is_shaped(each, seen | {name}) for each in sorted(names)]  # all: each may follow from itself
-        return bool(names & SHAPED) or any(follows)
+        return shaped or any(follows)
 
 
 def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:

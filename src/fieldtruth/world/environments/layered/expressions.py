@@ -48,7 +48,7 @@ FUNCTIONS: Final[Mapping[str, tuple[Callable[..., Any], int, int]]] = {
 """Functions with their least and greatest number of arguments. Angles of sin and cos are in radians."""
 DRAWN: Final[Mapping[str, tuple[int, int]]] = {
     "noise": (1, 3), "distance": (1, 1), "blur": (2, 2), "waves": (2, 2),
-    "points": (1, 1),
+    "points": (1, 1), "uphill": (2, 2),
 }  # fmt: skip
 """Functions that need a whole grid or a seed, with their least and greatest number of arguments: see ``Fields`` and
 ``Land``."""

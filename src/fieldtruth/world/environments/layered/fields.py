@@ -7,12 +7,12 @@ interpolated; all others are computed where they are asked for.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
@@ -21,7 +21,7 @@ from fieldtruth.world.environments.layered.expressions import Constant, Drawn, E
 from fieldtruth.world.grids import Line, Trail, fractal_noise, make_raster
 from fieldtruth.world.model import Instance, Mesh, Raster, water_at
 from fieldtruth.world.placement import FarSwarm
-from fieldtruth.world.relief import Axes
+from fieldtruth.world.relief import Axes, eroded
 from fieldtruth.world.stand import Stand
 
 FAR = 1e3
@@ -54,6 +54,10 @@ class Fields:
     """Height [m] of the water."""
     meshes: dict[str, list[Mesh]] = field(default_factory=dict)
     """Individuals of the groups that are grown."""
+    surroundings: Raster | None = None
+    """Height [m] of the finest grid about the world, if there is one."""
+    land: Callable[[Array, Array], Array] | None = None
+    """Height [m] of the land at x, y [m] as the grids about the world have it."""
     near: dict[str, Callable[[Array], Array]] = field(default_factory=dict)
     """Distance [m], (n,), of positions (n, 2) to the objects of layers that are placed."""
     placed: dict[str, Sequence[Instance]] = field(default_factory=dict)
@@ -65,6 +69,8 @@ class Fields:
     stand: Stand | None = None
     """Light that the trees of a closed stand leave."""
     _drawn: dict[str, Raster] = field(default_factory=dict)
+    _routed: tuple[Array | None, Raster] | None = None
+    """Height, and the drained area that follows from it."""
     _far: dict[tuple[int, int], dict[str, Array]] = field(default_factory=dict)
     """Distances from trails, corridors and lines on grids from edge to edge, by their shape: they take longest."""
 
@@ -113,8 +119,16 @@ class Fields:
             xy = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 2)
             return np.asarray(cKDTree(centres).query(xy)[0]) if count > 0 else np.full(len(xy), FAR)
 
-        drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points}
+        def uphill(values: Array, length: Array) -> Array:
+            return self._uphill(grid(values), float(np.max(length)) / spacing).reshape(-1)
+
+        drawn: Drawn = {"noise": noise, "distance": distance, "blur": blur, "points": points, "uphill": uphill}
         return self.over(self.nodes, drawn)(rule)
+
+    def about(self, nodes: Axes) -> "Fields":
+        """Return the fields of another grid, on which nothing is drawn yet."""
+        own = {**self.parameters, "spacing": float(nodes[0][1] - nodes[0][0])}
+        return replace(self, parameters=own, nodes=nodes, near={}, _drawn={}, _far={})
 
     def constant(self, rule: Constant) -> float:
         """Value of a rule of parameters."""
@@ -163,6 +177,8 @@ class Fields:
                 along = (raster.at(x + step, y) - raster.at(x - step, y)) / (2 * step)
                 across = (raster.at(x, y + step) - raster.at(x, y - step)) / (2 * step)
                 return np.asarray(np.degrees(np.arctan(np.hypot(along, across))))
+            case "drained":
+                return np.asarray(np.exp(self._drained().at(x, y)))
             case "crown" | "crown_needles" | "crown_leaves":
                 return self.crowns[name].at(x, y) if name in self.crowns else np.zeros(len(xy))
             case "above_water":
@@ -178,6 +194,21 @@ class Fields:
         if name not in self._drawn:
             self._drawn[name] = self._raster(name, self.draw(rule, f"fields.{name}"))
         return self._drawn[name].at(x, y)
+
+    def _uphill(self, values: Array, nodes: float) -> Array:
+        """Values (nx, ny) as many ``nodes`` up the slope of the relief, which is smoothed over half of that."""
+        assert self.height is not None
+        up = np.array(np.gradient(gaussian_filter(self.height, nodes / 2.0, mode="nearest")))
+        up *= nodes / np.maximum(np.hypot(*up), 1e-12)
+        return np.asarray(map_coordinates(values, np.indices(values.shape) + up, order=1, mode="nearest"))
+
+    def _drained(self) -> Raster:
+        """Logarithm of the area [m^2] that drains through each node, on the grid about the world if there is one."""
+        ground = self.surroundings or self._raster("height", self.height)
+        if self._routed is None or self._routed[0] is not self.height:
+            area = eroded(ground.values.astype(np.float64), ground.spacing, strength=0.0, creep=0.0, steps=0).drained
+            self._routed = self.height, replace(ground, values=np.log(area).astype(np.float32))
+        return self._routed[1]
 
     def _raster(self, name: str, values: Array | None) -> Raster:
         if values is None:

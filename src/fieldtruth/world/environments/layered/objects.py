@@ -22,10 +22,12 @@ from fieldtruth.world.environments.layered.trees import SPECIES, grouped
 from fieldtruth.world.environments.layout import PLANTINGS, Count, LengthCount, Share
 from fieldtruth.world.fallen import lay_log
 from fieldtruth.world.furniture import FURNITURE, make_furniture
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, random_tint, tilted, upright_pose
+from fieldtruth.world.placement import EASES, ObjectGroup, WorldBuilder, random_tint, tilted, upright_pose
 from fieldtruth.world.rocks import scatter_rocks
 from fieldtruth.world.stand import Stand
 
+EASED: Final = (*EASES, 0.3, 0.0)
+"""Shares of the spacing of a layer that are tried in turn."""
 TRIES: Final = 6000
 """Random positions of a layer in a world as large as the built-in ones."""
 
@@ -139,7 +141,7 @@ def _place_group(
             darts = builder.random_positions(builder.tries(TRIES), rng)
         else:
             darts = rng.permutation(along_line(builder, fields, layer.along, rng))[:, : 3 if layer.aligned else 2]
-        builder.place(group, rng, darts[allowed(darts[:, :2])], pose=_pose(builder, layer))
+        builder.place(group, rng, darts[allowed(darts[:, :2])], eases=EASED, pose=_pose(builder, layer))
 
 
 def _place_beside(

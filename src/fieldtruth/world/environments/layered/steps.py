@@ -3,22 +3,26 @@
 """Steps that change a relief in ways that no sum of rules can."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, PlainValidator, ValidationError, model_validator
+from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.fields import Number, PartError, Positive
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.experiment.fields import Integer, Number, PartError, Positive
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
-from fieldtruth.world.environments.layered.sections import Rule, Ruled
-from fieldtruth.world.relief import limit_slope, pits_and_mounds, slope_limit
+from fieldtruth.world.environments.layered.sections import Amount, Distance, Rule, Ruled
+from fieldtruth.world.relief import collapsed, eroded, limit_slope, pits_and_mounds, slope_limit
 
-Degrees = Annotated[Number, Field(gt=0, lt=90)]
+Rounds = Annotated[Integer, Field(ge=1, le=500)]
+STEEPEST: Final = 80.0
+"""Greatest slope [deg] of a profile and of limits."""
+Slope = Annotated[Number, Field(ge=-STEEPEST, le=STEEPEST)]
 
 
 class Step(Ruled):
@@ -61,10 +65,11 @@ class LimitSlope(Step):
     """Makes a relief nowhere steeper than a limit, which rises with the distance from where it is least."""
 
     along: Rule = Field(default=Expression("corridor"))  # [m]
-    within: Degrees  # up to ``near`` [m]
-    beyond: Degrees  # from ``far`` [m] on
+    within: Amount  # [deg] up to ``near`` [m]
+    beyond: Amount  # [deg] from ``far`` [m] on
     near: Number
     far: Number
+    rounds: Rounds = 40
 
     @model_validator(mode="after")
     def _far_is_farther(self) -> Self:
@@ -75,12 +80,70 @@ class LimitSlope(Step):
     def apply(self, fields: Fields, name: str) -> Array:
         """Return the heights whose slope is within the limit."""
         assert fields.height is not None
-        own = self.model_dump(include={"within", "beyond", "near", "far"})
-        limit = slope_limit(fields.draw(self.along, f"{name}.along"), **own)
-        return limit_slope(fields.height, fields.spacing, limit)
+        within, beyond = (min(max(fields.constant(each), 0.0), STEEPEST) for each in (self.within, self.beyond))
+        distance = fields.draw(self.along, f"{name}.along")
+        limit = slope_limit(distance, within=within, beyond=beyond, near=self.near, far=self.far)
+        return limit_slope(fields.height, fields.spacing, limit, rounds=self.rounds)
 
 
-STEPS: Final[dict[str, type[Step]]] = {"smooth": Smooth, "pits_and_mounds": PitsAndMounds, "limit_slope": LimitSlope}
+class Erode(Step):
+    """Streams cut gullies, soil creeps, and what is too steep collapses; see ``world.relief``."""
+
+    strength: Rule = Field(default=Expression("0.02"))  # [m] that a stream of 1 m2 cuts into a slope of 1 per step
+    creep: Distance = 0.02  # [m2] per step, diffusion
+    repose_deg: Amount = Field(default=Constant("36"))  # what is steeper collapses
+    steps: Rounds = 30
+
+    def apply(self, fields: Fields, name: str) -> Array:
+        """Return the heights, eroded; those of the grid's border stay."""
+        assert fields.height is not None
+        strength, repose = fields.draw(self.strength, f"{name}.strength"), fields.constant(self.repose_deg)
+        own: dict[str, Any] = {"repose_deg": repose, "creep": self.creep, "steps": self.steps}
+        return eroded(fields.height, fields.spacing, strength=strength, **own).heights
+
+
+class Collapse(Step):
+    """Slopes that are too steep collapse into the lower ground."""
+
+    repose_deg: Amount = Field(default=Constant("36"))
+    steps: Rounds = 30
+
+    def apply(self, fields: Fields, name: str) -> Array:
+        """Return the heights after the collapse."""
+        assert fields.height is not None
+        return collapsed(fields.height, fields.spacing, repose_deg=fields.constant(self.repose_deg), steps=self.steps)
+
+
+class Profile(Step):
+    """Adds a profile of slopes, as across a valley and its ridges; its height is 0 where its coordinate is."""
+
+    of: Rule  # [m], the coordinate
+    slopes_deg: Annotated[tuple[tuple[Number, Slope], ...], Field(min_length=2)]  # by the coordinate; smooth in between
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        if not (np.diff([at for at, _ in self.slopes_deg]) > 0).all():
+            raise ValueError("slopes_deg: each [coordinate, slope] must have a larger coordinate than the one before")
+        return self
+
+    def apply(self, fields: Fields, name: str) -> Array:
+        """Return the heights with the profile, which goes on as straight lines beyond its ends."""
+        assert fields.height is not None
+        at, slopes = np.array(self.slopes_deg, np.float64).T
+        slope = PchipInterpolator(at, np.tan(np.radians(slopes)))
+        rise = slope.antiderivative()
+
+        def profile(coordinate: Array) -> Array:
+            inside = coordinate.clip(at[0], at[-1])
+            return np.asarray(rise(inside) + slope(inside) * (coordinate - inside))
+
+        return np.asarray(fields.height + profile(fields.draw(self.of, f"{name}.of")) - profile(np.zeros(())))
+
+
+STEPS: Final[dict[str, type[Step]]] = {
+    "smooth": Smooth, "pits_and_mounds": PitsAndMounds, "limit_slope": LimitSlope, "erode": Erode, "collapse": Collapse,
+    "profile": Profile,
+}  # fmt: skip
 """Steps by the key under which a file has their values."""
 
 
@@ -101,3 +164,25 @@ def step_of(given: Any) -> Expression | Step:
         return STEPS[name].model_validate(values)
     except ValidationError as report:
         raise PartError(STEPS[name], report, (name,)) from report
+
+
+Relief = Annotated[Expression | Step, PlainValidator(step_of)]
+"""A layer of relief: heights [m] that are added, or a step."""
+
+
+def shape(fields: Fields, layers: Mapping[str, Expression | Step], start: Array, name: str) -> Array:
+    """Heights [m] at the nodes: the layers in turn, each of which knows those before it; ``name`` is that of seeds."""
+    height = start
+    for key, layer in layers.items():
+        fields.height, seed = height, f"{name}.{key}"
+        height = height + fields.draw(layer, seed) if isinstance(layer, Expression) else layer.apply(fields, seed)
+    return height
+
+
+def rules_of(layers: Mapping[str, Expression | Step]) -> Iterator[tuple[str, Expression]]:
+    """Yield the rules of layers of relief by their keys."""
+    for key, layer in layers.items():
+        if isinstance(layer, Expression):
+            yield key, layer
+        else:
+            yield from ((f"{key}.{name}", rule) for name, rule in layer.rules())
