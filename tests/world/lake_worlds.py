@@ -6,9 +6,7 @@ from functools import cache
 
 from sense_worlds import without_textures
 
-from fieldtruth.world.build import reserved_corridors
-from fieldtruth.world.environments.lake.build import build as build_lake
-from fieldtruth.world.environments.lake.config import Config as LakeConfig
+from fieldtruth.world.build import build_world
 from fieldtruth.world.model import World
 
 
@@ -16,6 +14,4 @@ from fieldtruth.world.model import World
 def lake_variant(seed: int, **changes: float) -> World:
     """A quick lake; textures do not change its layout."""
     with without_textures():
-        return build_lake(
-            seed, reserved_corridors("lake"), LakeConfig.model_validate({"individuals": 1, "grass": 0.5, **changes})
-        )
+        return build_world("lake", seed, {"individuals": 1, "grass": 0.5, **changes})

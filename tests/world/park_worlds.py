@@ -9,9 +9,7 @@ from functools import cache
 import numpy as np
 from sense_worlds import without_textures
 
-from fieldtruth.world.build import load_world, reserved_corridors
-from fieldtruth.world.environments.park.build import build as build_park
-from fieldtruth.world.environments.park.config import Config as ParkConfig
+from fieldtruth.world.build import build_world, load_world
 from fieldtruth.world.model import World
 
 
@@ -24,9 +22,8 @@ def real_park() -> World:
 @cache
 def park_variant(seed: int, **changes: int) -> World:
     """A park with one individual of each kind of tree and without textures, which do not change its layout."""
-    config = ParkConfig.model_validate({"individuals": 1, **changes})
     with without_textures():
-        return build_park(seed, reserved_corridors("park"), config)
+        return build_world("park", seed, {"individuals": 1, **changes})
 
 
 def digest(instance: object) -> str:

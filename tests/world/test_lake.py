@@ -10,22 +10,21 @@ import pytest
 from lake_worlds import lake_variant
 from mesh_checks import world_vertices
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.ground import mean_ground
 from fieldtruth.world.build import load_world, reserved_corridors
-from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.grids import Line
 from fieldtruth.world.model import LITTER, World
 from fieldtruth.world.placement import CrowdedWorldError
 
 F8 = NDArray[np.float64]
 COUNTS = {
-    "waterside_tree": LakeConfig().waterside_trees,
-    "meadow_tree": LakeConfig().meadow_trees,
-    "waterside_bush": LakeConfig().waterside_bushes,
-    "meadow_bush": LakeConfig().meadow_bushes,
+    "waterside_tree": 13,
+    "meadow_tree": 30,
+    "waterside_bush": 12,
+    "meadow_bush": 26,
     "power_pole": 2,
     "cable": 12,
     "water": 1,
@@ -245,7 +244,7 @@ def test_grass_density_moves_no_object_and_invalid_layouts_are_errors() -> None:
     for a, b in zip(few.instances, many.instances, strict=True):
         assert np.array_equal(a.world_from_object, b.world_from_object)
     assert sum(len(s.mesh) for s in few.swarms) < sum(len(s.mesh) for s in many.swarms)
-    with pytest.raises(ValidationError, match="bends"):
-        LakeConfig.model_validate({"bends": 20.0})
+    with pytest.raises(ConfigurationError, match="bends must be a number between 0 and 6, got 20"):
+        lake_variant(0, bends=20.0)
     with pytest.raises(CrowdedWorldError, match="waterside_tree"):
         lake_variant(0, waterside_trees=200, grid=0.2)

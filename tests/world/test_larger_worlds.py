@@ -13,7 +13,6 @@ from test_placement import anywhere, mesh
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world.build import build_world, check_layout, layout_model, load_world
 from fieldtruth.world.environments import ENVIRONMENTS, PAPER
-from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.environments.layout import network
 from fieldtruth.world.grids import Line, coarseness, make_trails
 from fieldtruth.world.model import Heightfield
@@ -21,6 +20,7 @@ from fieldtruth.world.placement import ObjectGroup, WorldBuilder
 
 SIZE = (150.0, 100.0)
 FOREST: Any = layout_model("forest")
+LAKE: Any = layout_model("lake")
 TRAILS = FOREST().trails
 
 
@@ -34,7 +34,7 @@ def test_counts_grow_with_the_area_unless_they_are_given() -> None:
     config = FOREST(size=(200.0, 100.0), rocks=7, grid=0.2).for_size()
     assert (config.old_trees, config.bushes, config.rocks, config.grid) == (820, 152, 7, 0.2)
     assert FOREST(size=(50.0, 25.0)).for_size().grown_trees == 25
-    lake = LakeConfig(size=(200.0, 100.0)).for_size()
+    lake = LAKE(size=(200.0, 100.0)).for_size()
     assert (lake.waterside_trees, lake.meadow_trees) == (26, 120)  # alders stand along the shore
 
 
@@ -49,7 +49,7 @@ def test_more_than_800_of_a_kind_to_the_hectare_are_refused() -> None:
 
 @pytest.mark.parametrize("side", [100.0, 200.0, 250.0, 1000.0, 5000.0])
 def test_nodes_are_bounded(side: float) -> None:
-    grid = LakeConfig(size=(side, side)).for_size().grid
+    grid = LAKE(size=(side, side)).for_size().grid
     assert grid == pytest.approx(0.05 * coarseness((side, side)))
     assert (side / grid) ** 2 <= 16e6 * (1 + 1e-9)
     assert grid == 0.05 or (side / grid) ** 2 >= 16e6 / 4

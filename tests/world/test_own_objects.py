@@ -33,9 +33,8 @@ from fieldtruth.sensors.camera.sensor import camera_matrix
 from fieldtruth.sensors.lidar.sensing import reflectance_of
 from fieldtruth.simulation.motion import _depth
 from fieldtruth.validation.runner import validate
-from fieldtruth.world.build import build_world, check_layout, load_world, read_world, save_world
+from fieldtruth.world.build import build_world, check_layout, layout_model, load_world, read_world, save_world
 from fieldtruth.world.classes import class_table
-from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.grids import Line, Trail
 from fieldtruth.world.model import Instance, Material, World, make_mesh
 from fieldtruth.world.objects.config import ObjectConfig
@@ -59,7 +58,7 @@ def scattered(path: Path, **rule: Any) -> ObjectConfig:
 def test_layouts_that_share_an_object_have_their_own_classes(tmp_path: Path) -> None:
     bale = entry(bales(tmp_path / "bales.stl"), label="hay_bale")
     one, other = (
-        Config.model_validate({"objects": (bale,), "classes": {name: {} for name in names}})
+        layout_model("park").model_validate({"objects": (bale,), "classes": {name: {} for name in names}})
         for names in (("hay_bale",), ("bale_net", "hay_bale"))
     )
     for label, layout in ((32, one), (33, other)):

@@ -11,11 +11,13 @@ from park_worlds import park_variant, real_park
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
+from fieldtruth.world.environments.layered.beds import Bed, Edging, bed_distance
+from fieldtruth.world.environments.layered.fields import FAR
 from fieldtruth.world.environments.layout import PLANTINGS
-from fieldtruth.world.environments.park.build import STONE, Bed, bed_distance
 from fieldtruth.world.model import LITTER, Swarm, World
 
 F8 = NDArray[np.float64]
+LENGTH = Edging(name="stones").stone[0]  # [m]
 TREES_BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", "trees_beyond")
 BEYOND = (*TREES_BEYOND, "bushes_beyond", "high_grass_beyond")
 
@@ -47,16 +49,16 @@ def off_edge(world: World, xy: F8) -> F8:
 
 
 def test_round_bed_has_the_distances_of_a_circle() -> None:
-    bed = Bed("box", (3.0, -2.0), (1.5, 1.5), 0.7, ())
+    bed = Bed((3.0, -2.0), (1.5, 1.5), 0.7, ())
     assert np.hypot(*(bed.outline(0.2) - bed.centre).T) == pytest.approx(1.5, abs=1e-4)
     assert bed.distance(np.array([[3.0, -2.0], [5.0, -2.0], [3.0, 0.0]])) == pytest.approx([-1.5, 0.5, 0.5])
-    assert bed_distance([bed], np.array([[3.5, -2.0], [30.0, 0.0]])) == pytest.approx([-1.0, np.inf])
+    assert bed_distance([bed], np.array([[3.5, -2.0], [30.0, 0.0]])) == pytest.approx([-1.0, FAR])
 
 
 def test_oblong_bed_is_rotated_and_has_distance_0_on_its_outline() -> None:
-    bed = Bed("box", (1.0, 1.0), (2.0, 1.0), np.pi / 2, ())  # two metres along y
+    bed = Bed((1.0, 1.0), (2.0, 1.0), np.pi / 2, ())  # two metres along y
     assert bed.distance(np.array([[1.0, 3.0], [2.0, 1.0], [1.0, 4.0]])) == pytest.approx([0.0, 0.0, 1.0])
-    wavy = Bed("box", (1.0, 1.0), (2.0, 1.2), 0.4, ((2, 0.1, 0.3), (3, 0.05, 1.0)))
+    wavy = Bed((1.0, 1.0), (2.0, 1.2), 0.4, ((2, 0.1, 0.3), (3, 0.05, 1.0)))
     rim = wavy.outline(0.2)
     assert np.abs(wavy.distance(rim)).max() < 2e-3
     gaps = np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1)
@@ -74,8 +76,8 @@ def test_bushes_are_in_mulched_beds_with_closed_edges(world: World) -> None:
     assert mulch[i, j].min() > 0.9
     stones = positions(swarm(world, "bed_edges"))
     away = np.asarray(cKDTree(stones).query(stones, k=3)[0])
-    assert away[:, 1:].max() < STONE[0] + 0.05
-    assert away[:, 1].min() > STONE[0] - 0.05
+    assert away[:, 1:].max() < LENGTH + 0.05
+    assert away[:, 1].min() > LENGTH - 0.05
     assert nearest(stones, bushes)[0].max() < 4.0
     # Lawn outside, mulch inside: about half of the ground within 25 cm of the stones is mulch.
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)

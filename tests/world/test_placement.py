@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rules of placement on a small lawn: lowest ground, spacing, corridors, and errors when it is full."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -153,9 +155,6 @@ def test_full_world_reports_how_many_objects_fit() -> None:
     tents = ObjectGroup(kind="tent", meshes=[mesh()], count=900)
     with pytest.raises(CrowdedWorldError, match=r"only \d+ of 900 objects of kind tent fit in the world"):
         lawn().scatter(tents, np.random.default_rng(0), anywhere)
-    lamps = ObjectGroup(kind="lamp", meshes=[mesh()], count=99, spacing=3.0)
-    with pytest.raises(CrowdedWorldError, match=r"only \d+ of 99 objects of kind lamp fit along the trails"):
-        lawn().along_trails(lamps, np.random.default_rng(0), offset=0.6)
 
 
 def test_no_allowed_position_is_reported() -> None:
@@ -164,30 +163,41 @@ def test_no_allowed_position_is_reported() -> None:
         lawn().scatter(tent, np.random.default_rng(0), lambda xy: xy[:, 0] > 99)
 
 
-def test_objects_along_a_trail_keep_their_offset_and_face_it() -> None:
-    lamps = ObjectGroup(kind="lamp", meshes=[mesh()], count=10, spacing=4.0)
-    placed = lawn().along_trails(lamps, np.random.default_rng(3), offset=0.6)
-    xy = positions(placed)
-    assert np.abs(xy[:, 1]) == pytest.approx(1.6)  # half the trail and the offset
-    assert {-1.0, 1.0} == set(np.sign(xy[:, 1]).tolist())
-    for lamp in placed:
-        facing = lamp.world_from_object[:3, 0]
-        assert facing == pytest.approx([0, -np.sign(lamp.world_from_object[1, 3]), 0], abs=1e-6)
-    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) + 99 * np.eye(10)
-    assert apart.min() >= 4.0
+def row(rng: np.random.Generator) -> np.ndarray:
+    """Candidates (n, 3) along y = 1.6 m that face the trail, in random order."""
+    x = np.arange(-9.0, 9.0, 0.4)
+    return rng.permutation(np.column_stack([x, np.full(len(x), 1.6), np.full(len(x), -np.pi / 2)]))
+
+
+def test_objects_have_the_heading_of_their_candidates() -> None:
+    lamps, rng = ObjectGroup(kind="lamp", meshes=[mesh()], count=4, spacing=3.0), np.random.default_rng(3)
+    for lamp in lawn().place(lamps, rng, row(rng)):
+        assert lamp.world_from_object[:3, 0] == pytest.approx([0, -1, 0], abs=1e-9)
 
 
 def test_spacing_eases_where_space_is_scarce() -> None:
     def nearest(count: int) -> float:
+        rng = np.random.default_rng(3)
         lamps = ObjectGroup(kind="lamp", meshes=[mesh()], count=count, spacing=4.0)
-        xy = positions(lawn().along_trails(lamps, np.random.default_rng(3), offset=0.6))
+        xy = positions(lawn().place(lamps, rng, row(rng)))
         return float((np.linalg.norm(xy[:, None] - xy, axis=-1) + 99 * np.eye(count)).min())
 
-    count = 8
+    count = 2
     while nearest(count) >= 4.0:
         count += 1
-    assert count > 8
+    assert count > 3
     assert 2.0 <= nearest(count) < 4.0
+
+
+def test_neighbours_are_different_meshes_and_all_are_used() -> None:
+    tents = [mesh(f"tent_{k}") for k in range(3)]
+    group = ObjectGroup(kind="tent", meshes=tents, count=9, differ=3.0)
+    placed = lawn().place(
+        group, np.random.default_rng(1), np.column_stack([np.arange(-8.0, 10.0, 2.0), np.full(9, 3.0)])
+    )
+    names = [each.mesh for each in placed]
+    assert all(a != b for a, b in pairwise(names))
+    assert sorted(names.count(each.name) for each in tents) == [3, 3, 3]
 
 
 @pytest.mark.parametrize(("members", "circles"), [(300, 40), (300, 0), (0, 40), (0, 0)])

@@ -124,8 +124,8 @@ def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:
     text = re.sub(r"(?ms)^(materials|textures):.*?(?=^\S|\Z)", "", lime.read_text())
     (tmp_path / "trees/rowan.yaml").write_text(text)
     code = (
-        "from fieldtruth.world.environments.layout import Planter; import numpy as np;"
-        "print(Planter('park', {'small_tree': ['rowan']}).grow('small_tree', np.random.default_rng(0))[0].species)"
+        "from fieldtruth.world.environments.layout import Planter; import numpy as np; rng = np.random.default_rng(0);"
+        "print(Planter('park', {'small_tree': ['rowan']}).grow('small_tree', rng, count=1)[0].species)"
     )
     environment = {**os.environ, "FIELDTRUTH_PATH": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

@@ -54,9 +54,9 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     "file",
     [
-        "world/environments/park/build.py",
-        "world/environments/park/config.py",
-        "world/environments/park/beyond.py",
+        "world/environments/layered/build.py",
+        "world/environments/layered/config.py",
+        "world/environments/layered/trails_beyond.py",
         "world/environments/layout.py",
         "world/data/environments/park.yaml",
         "world/plants/growth.py",

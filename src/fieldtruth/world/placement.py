@@ -231,7 +231,7 @@ class ObjectGroup:
         """Mesh of the object with this number, counted from 0."""
         return self.meshes[number % len(self.meshes)]
 
-    def check_complete(self, placed: Sequence[Instance], where: str = "in the world") -> list[Instance]:
+    def check_complete(self, placed: Sequence[Instance]) -> list[Instance]:
         """Return the placed objects.
 
         Raises:
@@ -239,7 +239,8 @@ class ObjectGroup:
         """
         if len(placed) < self.count:
             raise CrowdedWorldError(
-                f"only {len(placed)} of {self.count} objects of kind {self.kind} fit {where}; reduce the layout's count"
+                f"only {len(placed)} of {self.count} objects of kind {self.kind} fit in the world; "
+                "reduce the layout's count"
             )
         return list(placed)
 
@@ -439,41 +440,6 @@ class WorldBuilder:
 
         placed = place_until_count(group.count, candidates, attempt, spacings=eased(group.spacing, eases))
         return group.check_complete(placed)
-
-    def along_trails(self, group: ObjectGroup, rng: np.random.Generator, offset: float) -> list[Instance]:
-        """Add objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.
-
-        Draws the order of all candidates at first, then the tint of each placed object.
-
-        Raises:
-            CrowdedWorldError: too few candidates are free even at half the spacing.
-        """
-        candidates = self._beside_trails(offset)
-        order = rng.permutation(len(candidates))
-
-        def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
-            mesh, xy = group.mesh(number), candidate[:2]
-            if not apart or self.trail_distance(xy[None])[0] < min(mesh.footprint, offset) - 1e-6:
-                return None
-            if not self.is_free(xy, mesh.footprint):
-                return None
-            return self.add_upright(group.kind, mesh, xy, yaw=float(candidate[2]), tint=random_tint(rng, group.tint))
-
-        placed = place_until_count(group.count, candidates[order], attempt, spacings=eased(group.spacing))
-        return group.check_complete(placed, "along the trails")
-
-    def _beside_trails(self, offset: float) -> Array:
-        """Candidates (n, 3): x, y [m] every 0.8 m on either side of the trails, and the yaw [rad] towards the trail."""
-        candidates = []
-        for trail in self.trails:
-            inside = (np.abs(trail.line.points) < np.array(self.size) / 2 - 2).all(axis=1)
-            for row in np.flatnonzero(inside)[::16]:
-                tx, ty = trail.line.tangents[row]
-                for side in (-1.0, 1.0):
-                    outwards = side * np.array([-ty, tx])
-                    xy = trail.line.points[row] + outwards * (trail.width / 2 + offset)
-                    candidates.append((*xy, np.arctan2(-outwards[1], -outwards[0])))
-        return np.array(candidates).reshape(-1, 3)
 
     def add_swarm(self, swarm: Swarm, meshes: Sequence[Mesh]) -> None:
         """Add a swarm with its meshes."""

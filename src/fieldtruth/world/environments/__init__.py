@@ -72,15 +72,13 @@ class Environments(Registry[Environment]):
         return found
 
 
-_OF_CODE: Final = ("lake", "park")
-"""Environments that are packages of their own; the others are files of layers."""
 ENVIRONMENTS: Final[Registry[Environment]] = Environments(
     "environment",
     "environments",
     "",
     _read,
     {
-        name: Environment(description, f"{__name__}.{name if name in _OF_CODE else 'layered'}")
+        name: Environment(description, f"{__name__}.layered")
         for name, description in (
             ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
             ("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),

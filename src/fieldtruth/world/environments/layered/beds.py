@@ -258,15 +258,14 @@ def plant_border(
     builder: WorldBuilder, fields: Fields, beds: Sequence[Bed], border: Border, config: Any, rng: np.random.Generator
 ) -> None:
     """Scatter flowers of one species in each bed, in turn."""
-    flowers = grown(fields, config, *border.group)
+    per_m2, flowers = density_of(fields, border), grown(fields, config, *border.group)
     names = [name for group in border.group for name in config.planter.species(group)]
-    for k, name in enumerate(names):
+    for k, name in enumerate(names if per_m2 else ()):
         own, meshes = beds[k :: len(names)], [mesh for mesh in flowers if name in mesh.species]
 
         def density(xy: Array, own: Sequence[Bed] = own) -> Array:
             return (bed_distance(own, xy) < 0) * fields.at(border.where, xy)
 
         if own:
-            builder.scatter_swarm(
-                specified(border.name.format(species=name), border, meshes, density_of(fields, border)), rng, density
-            )
+            spec = specified(border.name.format(species=name), border, meshes, per_m2)
+            builder.scatter_swarm(spec, rng, density)

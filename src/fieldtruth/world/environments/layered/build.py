@@ -13,7 +13,7 @@ from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
 from fieldtruth.world.environments.layered.expressions import Expression
-from fieldtruth.world.environments.layered.fields import Fields, rng_of
+from fieldtruth.world.environments.layered.fields import FAR, Fields, rng_of
 from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
 from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
@@ -63,16 +63,14 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     add_water(builder, fields.water, sheets)
     if description.water is not None:
         builder.instances[-1] = replace(builder.instances[-1], name=f"{description.water.name}_1")
-
-    def ground(xy: Array) -> Array:
-        return ground_height(builder, make_land_beyond(builder, fields, description.beyond))(xy)
-
-    fields.ground = ground
+    land = make_land_beyond(builder, fields, description.beyond)
+    fields.ground = ground_height(builder, land)
     place_objects(builder, fields, config, description)
     fields.crowns, fields.near["foot"] = crowns(builder, fields.nodes), nearest(feet(builder))
     terrain = with_layer(cover_ground(builder, fields, description), rng_of(seed, "layer"))
     scatter_plants(builder, fields, config, description.plants)
-    land = make_land_beyond(builder, fields, description.beyond)
+    if description.roots:  # they may have raised the world's edge
+        land = make_land_beyond(builder, fields, description.beyond)
     return assemble(
         builder,
         terrain,
@@ -169,10 +167,14 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
     axes = grid_axes(builder.size, cell := COVER * coarseness(builder.size))
     values, trail = fields.over(axes), description.trail
     shares = painted(values, description.ground)
-    ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
+    if fields.trails:
+        ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
+        trail_distance = make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes)
+    else:
+        trail_distance = make_raster(np.full((2, 2), FAR), max(builder.size), *axes)
     return Terrain(
         field=builder.field,
-        trail_distance=make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes),
+        trail_distance=trail_distance,
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
         trail_material=trail.material,

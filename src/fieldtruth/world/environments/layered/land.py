@@ -77,26 +77,33 @@ class FarFields:
         self.known: dict[str, Callable[[Array, Array], Array]] = {}
         """Further fields by name, as functions of x and y [m]."""
 
-    def at(self, rule: Expression, x: Array, y: Array, name: str = "") -> Array:
-        """Values of a rule at x, y [m]; ``name`` is that of which its waves have the seed."""
-        rng = rng_of(self._fields.seed, name)
+    def at(self, rule: Expression, x: Array, y: Array) -> Array:
+        """Values of a rule at x, y [m]."""
+        return self._values(rule, "", {"x": x, "y": y})
+
+    def _values(self, rule: Expression, name: str, found: dict[str, Array]) -> Array:
+        """Values of a rule; its waves have the seed of ``name``, ``found`` are the fields that are known there."""
+        x, y, rng = found["x"], found["y"], rng_of(self._fields.seed, name)
 
         def lookup(each: str) -> Array:
-            match each:
-                case "x" | "y":
-                    return x if each == "x" else y
-                case "beyond":
-                    return distance_beyond(self._fields.size, x, y)
-            if each in self.known:
-                return self.known[each](x, y)
-            if each in self._rules:
-                return self.at(self._rules[each], x, y, f"beyond.fields.{each}")
-            return self._fields.anywhere(each, np.stack([x.ravel(), y.ravel()], axis=-1)).reshape(x.shape)
+            if each not in found:
+                found[each] = self._known(each, found)
+            return found[each]
 
         drawn = {"waves": lambda shortest, longest: waves(float(shortest), float(longest), rng)(x, y)}
         values = np.broadcast_to(rule.values(lookup, drawn), x.shape)
         check_finite(rule, values.ravel(), np.stack([x.ravel(), y.ravel()], axis=-1))
         return values
+
+    def _known(self, each: str, found: dict[str, Array]) -> Array:
+        x, y = found["x"], found["y"]
+        if each == "beyond":
+            return distance_beyond(self._fields.size, x, y)
+        if each in self.known:
+            return self.known[each](x, y)
+        if each in self._rules:
+            return self._values(self._rules[each], f"beyond.fields.{each}", found)
+        return self._fields.anywhere(each, np.stack([x.ravel(), y.ravel()], axis=-1)).reshape(x.shape)
 
 
 def waves(shortest: float, longest: float, rng: np.random.Generator) -> Land:

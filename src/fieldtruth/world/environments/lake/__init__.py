@@ -1,3 +1,0 @@
-# SPDX-FileCopyrightText: 2026 The fieldtruth authors
-# SPDX-License-Identifier: Apache-2.0
-"""The lake's shore."""
