@@ -150,10 +150,13 @@ def test_the_example_of_the_reference_is_an_experiment() -> None:
 
 @pytest.mark.parametrize("name", PAPER)
 def test_the_layout_of_each_environment_is_described(name: str) -> None:
-    section = PLACES.partition(f"\n### {name.capitalize()}\n")[2].partition("\n#")[0]
-    described = {cells[0].strip("`"): cells for cells in table_rows(section) if cells[0].startswith("`")}
+    own, common = (
+        {cells[0].strip("`"): cells for cells in table_rows(PLACES.partition(f"\n{heading}\n")[2].partition("\n#")[0])}
+        for heading in (f"### {name.capitalize()}", "## Keys of all environments")
+    )
     config = layout_model(name)
     defaults = config().model_dump(mode="json")
+    described = {key: cells for key, cells in (common | own).items() if key != "key"}
     assert list(described) == list(config.model_fields)
     for key, (_, default, allowed, meaning) in described.items():
         count = {"(two)": 2}.get(default)

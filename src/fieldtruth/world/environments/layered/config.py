@@ -350,7 +350,8 @@ def model_of(name: str) -> type[GroundConfig]:
     keys["beyond"] = description.beyond.layout()
     keys["litter"] = (Annotated[Number, Field(ge=0, le=4)], description.litter_amount)
     model = create_model("Config", __base__=GroundConfig, **keys)
-    grounds = [MATERIALS[each].ground_type for each in (*description.ground, description.trail.material)]
+    of_trails = (description.trail.material,) if description.trails else ()
+    grounds = [MATERIALS[each].ground_type for each in (*description.ground, *of_trails)]
     model.environment, model.counted_in = name, description.size
     model.grounds = tuple(dict.fromkeys(each for each in grounds if each))
     return model
