@@ -135,7 +135,7 @@ def wrong(many_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
     ("check", "text"),
     [
         ("imu", f"the gyroscope measures the turn of its interval: 1 of 120 mismatch, first {IMU} at 110000000 ns"),
-        ("gnss", f"the fix is the true position of the antenna: 1 of 4 mismatch, first {FIX} at 400000000 ns: 0.506 m"),
+        ("gnss", f"the fix is the true position of the antenna: 1 of 4 mismatch, first {FIX} at 400000000 ns: 0.50"),
         ("object classes", f"first {CLOUD} at 200000000 ns, row 9"),
         ("object classes", ": 2 of"),
         ("headers", f"1 of 373 mismatch, first {CLOUD} at 300000000 ns: 'top_link' instead of 'low_link'"),
