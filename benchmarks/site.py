@@ -291,7 +291,7 @@ def measure_stems(_: Path) -> None:
     radii = [s * world.meshes[t.mesh].colliders[0].size[0] / COLLIDER for s, t in zip(sizes, trees, strict=True)]
     known = np.array([(*each.world_from_object[:2, 3], radius) for each, radius in zip(trees, radii, strict=True)])
     found = np.array([circle[:3] for circle in find_stems(points, rng)])
-    away, row = cKDTree(known[:, :2]).query(found[:, :2])
+    away, row = (np.atleast_1d(each) for each in cKDTree(known[:, :2]).query(found[:, :2]))
     good = away < 0.3
     off = 200.0 * (found[good, 2] - known[row[good], 2])
     print(

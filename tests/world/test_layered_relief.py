@@ -36,7 +36,7 @@ def test_erosion_is_that_of_the_relief_before_it_with_rules_for_its_numbers() ->
     streams = {"strength": "0.01 * (x > 0)", "repose_deg": "steep", "creep": 0.01, "steps": 5}
     found = relief({"plane": "0.5 * y + 0.1 * sin(x)", "streams": {"erode": streams}}, fields(steep=50.0))
     plane = 0.5 * Y + 0.1 * np.sin(X)
-    expected = eroded(plane, 0.2, strength=0.01 * (X > 0), creep=0.01, repose_deg=50.0, steps=5).heights
+    expected = eroded(plane, 0.2, strength=np.where(X > 0, 0.01, 0.0), creep=0.01, repose_deg=50.0, steps=5).heights
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert np.abs(found - plane)[X > 1].max() > 3 * np.abs(found - plane)[X < -1].max()
 
@@ -44,7 +44,7 @@ def test_erosion_is_that_of_the_relief_before_it_with_rules_for_its_numbers() ->
 def test_what_is_too_steep_collapses() -> None:
     tower = "3 * (max(abs(x), abs(y)) < 0.9)"
     found = relief({"tower": tower, "fallen": {"collapse": {"repose_deg": 35, "steps": 300}}})
-    before = 3.0 * (np.maximum(np.abs(X), np.abs(Y)) < 0.9)
+    before = np.where(np.maximum(np.abs(X), np.abs(Y)) < 0.9, 3.0, 0.0)
     np.testing.assert_allclose(found, collapsed(before, 0.2, repose_deg=35, steps=300), atol=1e-9)
     assert found.sum() == pytest.approx(before.sum())
     assert np.abs(np.diff(found, axis=0)).max() / 0.2 < 1.03 * np.tan(np.radians(35))

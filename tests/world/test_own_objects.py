@@ -57,8 +57,9 @@ def scattered(path: Path, **rule: Any) -> ObjectConfig:
 
 def test_layouts_that_share_an_object_have_their_own_classes(tmp_path: Path) -> None:
     bale = entry(bales(tmp_path / "bales.stl"), label="hay_bale")
+    park: Any = layout_model("park")
     one, other = (
-        layout_model("park").model_validate({"objects": (bale,), "classes": {name: {} for name in names}})
+        park.model_validate({"objects": (bale,), "classes": {name: {} for name in names}})
         for names in (("hay_bale",), ("bale_net", "hay_bale"))
     )
     for label, layout in ((32, one), (33, other)):

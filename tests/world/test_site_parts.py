@@ -62,7 +62,8 @@ def test_a_tree_of_the_map_has_the_crown_and_the_girth_of_its_tags() -> None:
     found = Feature("tree", np.array([(1.0, 2.0)]), False, tags, None, 11.0)
     bare = Feature("tree", np.array([(5.0, 2.0)]), False, {"natural": "tree"})
     first, second = read_stems(CONFIG, CONFIG.place, [found, bare], np.random.default_rng(0))
-    assert first == Stem(1.0, 2.0, 11.0, 3.6, "oak", pytest.approx(0.5, abs=1e-3))
+    assert first[:5] == Stem(1.0, 2.0, 11.0, 3.6, "oak")[:5]
+    assert first.diameter == pytest.approx(0.5, abs=1e-3)
     assert np.isnan([second.crown, second.diameter]).all()
 
 
