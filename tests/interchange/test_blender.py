@@ -32,8 +32,8 @@ from fieldtruth.world.build import load_world
 pytestmark = pytest.mark.usefixtures("small_ground_images")
 
 SCRIPT: Final = Path(__file__).with_name("blender_render.py")
-LARGEST_SHARE: Final = 2e-4
-"""Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4."""
+LARGEST_SHARE: Final = 4e-4
+"""Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4, 2.7e-4 through the hillside's grass."""
 
 
 class Case(NamedTuple):
@@ -135,7 +135,7 @@ def assert_same_except_at_silhouettes(ours: NDArray[np.integer], theirs: Ids, fi
     assert farthest <= 2
     # One pixel to the side is far more than the tolerance: the comparison would show it.
     for axis in (0, 1):
-        assert (ours != np.roll(theirs, 1, axis)).mean() > 50 * LARGEST_SHARE
+        assert (ours != np.roll(theirs, 1, axis)).mean() > 25 * LARGEST_SHARE
 
 
 @pytest.mark.slow
