@@ -6,9 +6,7 @@ Of a bag the messages in their order are compared, with topics, types and stamps
 
 Run: python benchmarks/digests.py FOLDER [--only park_1 exports] [--against OLD.json]. Prints JSON, and with --against
 exits with 1 if a digest differs. Bytes depend on the processor (see README), so both files must be of one machine.
-``benchmarks/digests.json`` has those of version 0.1 before its stages were opened, on an EPYC with AVX-512; of
-the bag with signals those of the version after, which differ in last digits of the IMU, and of experiment.yaml those of
-a later one, which has the key ``rig.models``.
+``benchmarks/digests.json`` has those of the version that made its worlds of files of layers, on an EPYC with AVX-512.
 """
 
 import argparse
