@@ -33,28 +33,30 @@ def test_each_step_of_height_has_meshes_of_its_own() -> None:
     assert len({tree.mesh for tree in builder.instances}) == len(stems)
 
 
-def test_trunks_are_as_thick_as_the_map_says() -> None:
-    """At breast height, seen and as a collider; crown and height stay those of a tree whose diameter is not known."""
+@pytest.mark.parametrize(("height", "crown"), [(12.0, np.nan), (12.0, 3.6), (6.3, np.nan), (6.3, 2.4)])
+def test_trunks_are_as_thick_as_the_map_says(height: float, crown: float) -> None:
+    """At breast height, seen and as a collider, also where the crown is widened; crown and height do not follow."""
     ground = Heightfield(heights=np.zeros((25, 17), np.float32), spacing=1.0, x0=-12.0, y0=-8.0)
-    builder = WorldBuilder(ground, SIZE, [], [])
-    diameters = [np.nan, 0.2, 0.4, 0.5]
-    stems = [Stem(5.0 * k - 8.0, 0.0, 12.0, np.nan, "beech", each) for k, each in enumerate(diameters)]
-    plant_trees(
-        builder, [stem._replace(x=-8.0) for stem in stems[:1]], CONFIG, np.random.default_rng(0), lambda _: None
-    )
-    plant_trees(builder, stems[1:], CONFIG, np.random.default_rng(0), lambda _: None)
-    seen, crowns = [], []
-    for tree in builder.instances:
+    seen, solid, crowns = [], [], []
+    usual = 0.0
+    for factor in (np.nan, 0.6, 1.4, 2.0):
+        builder = WorldBuilder(ground, SIZE, [], [])
+        stem = Stem(0.0, 0.0, height, crown, "beech", factor * usual if usual else np.nan)
+        plant_trees(builder, [stem], CONFIG, np.random.default_rng(0), lambda _: None)
+        [tree] = builder.instances
         mesh, scale = builder.meshes[tree.mesh], float(np.linalg.norm(tree.world_from_object[:3, 0]))
         wood = mesh.vertices[np.unique(mesh.faces[mesh.material == 0])].astype(np.float64) * scale
-        low = wood[(np.hypot(*wood[:, :2].T) < 0.5) & (wood[:, 2] > 0.8) & (wood[:, 2] < 1.8), :2]
+        collider = scale * mesh.colliders[0].size[0]
+        low = wood[(np.hypot(*wood[:, :2].T) < 2.5 * collider) & (wood[:, 2] > 0.9) & (wood[:, 2] < 1.7), :2]
         seen.append(2.0 * float(np.median(np.hypot(*(low - np.median(low, axis=0)).T))))
-        assert 2.0 * scale * mesh.colliders[0].size[0] == pytest.approx(1.1 * seen[-1], rel=0.12)
+        usual = usual or 2.0 * collider / 1.1
+        solid.append(collider)
+        assert mesh.footprint > mesh.colliders[0].size[0]
         crowns.append(float(np.quantile(np.hypot(*mesh.vertices[:, :2].T), 0.9) * scale))
-        assert mesh.vertices[:, 2].max() * scale == pytest.approx(12.0, rel=1e-3)
-    assert seen[1:] == pytest.approx(diameters[1:], rel=0.12)  # a step is a factor of 1.2
+        assert mesh.vertices[:, 2].max() * scale == pytest.approx(height, rel=1e-3)
+    for sizes in (seen, solid):
+        np.testing.assert_allclose(np.array(sizes[1:]) / sizes[0], [0.6, 1.4, 2.0], rtol=0.15)  # a step: 1.2
     assert max(crowns) / min(crowns) < 1.02
-    assert len({tree.mesh for tree in builder.instances}) > 2
 
 
 def test_a_tree_of_the_map_has_the_crown_and_the_girth_of_its_tags() -> None:

@@ -43,6 +43,11 @@ WIDTHS: Final = (1.2, 1.9)
 """Ratio of the widths of a tree's copies, and the greatest factor by which one is wider or slimmer than it grew."""
 THICK: Final = (1.2, 2.2)
 """As ``WIDTHS``, of the thickness of trunks."""
+LEAST: Final = 3.0
+"""Height [m] below which a tree's trunk is as thick as it grew: at breast height there is little of it."""
+CLEAR: Final = 0.3
+"""Distance [m] from a trunk to the rim of its footprint, at least; see ``grow_tree``."""
+BREAST: Final = 1.3  # [m]
 AXIS: Final = 0.5
 """Step [m] of height in which the middle of a trunk is followed."""
 TRUNK: Final = 0.2
@@ -116,19 +121,20 @@ def _shaped(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _In
     """A copy whose crown and trunk have about the width and the thickness of a tree's, where these are known."""
     size = stem.height / tree.height
     wide = 0 if np.isnan(stem.crown) else _step(max(stem.crown, 0.3) / (size * tree.crown), WIDTHS)
-    thick = 0 if np.isnan(stem.diameter) else _step(stem.diameter / (2.0 * size * tree.trunk), THICK)
+    known_trunk = not np.isnan(stem.diameter) and stem.height >= LEAST
+    thick = _step(stem.diameter / (2.0 * size * tree.trunk), THICK) if known_trunk else 0
     name = tree.mesh.name + (f"_w{wide}" if wide else "") + (f"_t{thick}" if thick else "")
     if name != tree.mesh.name and name not in known:
-        vertices, colliders = tree.mesh.vertices.astype(np.float64), tree.mesh.colliders
-        if thick:
-            ratio = THICK[0] ** thick
-            vertices = thickened(vertices, tree.trunk, ratio)
-            colliders = tuple(replace(each, size=(ratio * each.size[0], *each.size[1:])) for each in colliders)
+        vertices, ratio = tree.mesh.vertices.astype(np.float64), THICK[0] ** thick
         if wide:
             away = np.hypot(*vertices[:, :2].T) / (COLLIDER * tree.trunk)
             vertices[:, :2] *= (1.0 + (WIDTHS[0] ** wide - 1.0) * np.clip(away - 1.5, 0.0, 1.0))[:, None]
+        if thick:
+            vertices = thickened(vertices, tree.trunk, ratio)
+        colliders = tuple(replace(c, size=(ratio * c.size[0], *c.size[1:])) for c in tree.mesh.colliders)
+        footprint = max(tree.mesh.footprint, colliders[0].size[0] + CLEAR)
         mesh = replace(tree.mesh, name=name, vertices=vertices.astype(np.float32), colliders=colliders)
-        known[name] = tree._replace(mesh=mesh)
+        known[name] = tree._replace(mesh=replace(mesh, footprint=footprint))
     return known.get(name, tree)
 
 
@@ -146,16 +152,21 @@ def thickened(vertices: Array, radius: float, ratio: float) -> Array:
     reach = max(2.4, 1.8 * ratio)
     heights, middle = np.arange(0.0, top + AXIS, AXIS), [np.zeros(2)]
     for z in heights[1:]:
-        own = radius * max(1.0 - z / top, 0.1)
+        reached = 1.5 * float(_taper(z, top, radius))
         near = vertices[np.abs(vertices[:, 2] - z) < AXIS, :2] - middle[-1]
-        near = near[np.hypot(*near.T) < 1.5 * own]
+        near = near[np.hypot(*near.T) < reached]
         middle.append(middle[-1] + (near.mean(axis=0) if len(near) > 5 else 0.0))
     axis = np.stack([np.interp(vertices[:, 2], heights, np.array(middle)[:, k]) for k in (0, 1)], axis=-1)
-    own = radius * np.clip(1.0 - vertices[:, 2] / top, 0.1, 1.0)
+    own = _taper(vertices[:, 2], top, radius)
     away = np.hypot(*(vertices[:, :2] - axis).T) / own
     moved = np.interp(away, [0.0, 1.2, reach], [0.0, 1.2 * ratio, reach])
     grown = np.where(away < reach, moved / np.maximum(away, 1e-9), 1.0)[:, None]
     return np.column_stack([axis + (vertices[:, :2] - axis) * grown, vertices[:, 2]])
+
+
+def _taper(z: Array | float, top: float, radius: float) -> Array:
+    """Radius [m] at heights z [m] of a trunk that is a cone with a ``radius`` at breast height."""
+    return np.asarray(radius * np.clip((top - z) / (top - BREAST), 0.1, 1.5))
 
 
 def hash_of(stem: Stem) -> int:
