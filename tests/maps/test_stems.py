@@ -89,29 +89,58 @@ def test_trees_of_a_scan_from_the_ground_stand_at_their_stems(tmp_path: Path) ->
     np.testing.assert_allclose([circle[:3] for circle in found], STEMS, atol=0.012)
     config = Config.model_validate({"centre": PLACE[:2], "size": (18, 18), "trees": {"file": str(path)}})
     mapped = read_trees(config, PLACE)
-    assert "5 stems seen from the ground" in mapped.notes
+    assert "5 stems seen from the ground" in mapped.notes[0]
     thick = {round(tree.diameter, 2): tree for tree in mapped.trees if tree.diameter is not None}
     assert len([tree for tree in mapped.trees if tree.diameter is not None]) == 5
+    others = np.array([tree[:2] for tree in mapped.trees if tree.diameter is None]).reshape(-1, 2)
+    assert (np.linalg.norm(others[:, None] - STEMS[:, :2], axis=2) > 0.5).all()  # bushes
     assert thick[0.9].height == pytest.approx(6.0 + 30 * 0.45, abs=0.4)
     assert (thick[0.9].x, thick[0.9].y) == pytest.approx((5.0, 3.0), abs=0.02)
 
 
 def test_a_scan_from_the_air_shows_no_stems(tmp_path: Path) -> None:
+    """Neither thinned nor where its canopy is coarse, although the points that are left would show some."""
     rng = np.random.default_rng(5)
     points = scan(0.003, 360, rng)
-    few = points[rng.random(len(points)) < 0.01]
+    few = points[rng.random(len(points)) < 0.09]
+    assert find_stems(few, rng)
     assert is_dense(points)
     assert not is_dense(few)
     assert read_stems(written(tmp_path / "als.laz", few, 4.0, rng), PLACE, (18.0, 18.0)) == []
+    path = written(tmp_path / "tls.laz", points, 4.0, rng)
+    coarse = Canopy(path, np.zeros((9, 9), np.float32), np.array([(2.0, 0, -9), (0, 2.0, -9)]), (18, 18))
+    assert read_stems(path, PLACE, (18.0, 18.0), canopy=coarse) == []
+
+
+def test_stems_are_found_in_undergrowth() -> None:
+    """All of a plot is one cluster then, of which three points at random are hardly ever of one stem."""
+    rng = np.random.default_rng(2)
+    at = np.stack(np.meshgrid([-2.5, 0.0, 2.5], [-2.5, 0.0, 2.5]), axis=-1).reshape(-1, 2)
+    turn, height = rng.uniform(0, 2 * np.pi, (9, 600)), rng.uniform(1.0, 2.2, (9, 600))
+    stems = np.stack([at[:, :1] + 0.12 * np.cos(turn), at[:, 1:] + 0.12 * np.sin(turn), height], axis=-1)
+    low = np.column_stack([rng.uniform(-4, 4, (300 * 64, 2)), rng.uniform(1.0, 1.6, 300 * 64)])
+    low = low[np.linalg.norm(low[:, None, :2] - at, axis=2).min(axis=1) > 0.15]  # stems hide it
+    found = find_stems(np.concatenate([stems.reshape(-1, 3), low]), rng)
+    away = np.linalg.norm(np.array([circle[:2] for circle in found])[:, None] - at, axis=2)
+    assert (away.min(axis=0) < 0.03).sum() >= 8
+    assert (away.min(axis=1) < 0.03).all()
+
+
+def test_half_a_ring_in_one_slice_is_no_stem() -> None:
+    rng = np.random.default_rng(3)
+    turn, height = rng.uniform(0.0, np.pi, 400), rng.uniform(1.0, 2.2, 400)
+    half = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), height])
+    assert len(find_stems(half, rng)) == 1
+    assert find_stems(half[half[:, 2] < 1.6], rng) == []
 
 
 def test_each_stem_has_one_tree() -> None:
-    """Of two below a crown the nearer one bears it; the other is as high as the canopy; a crown without one stays."""
-    canopy = Canopy(
-        Path("a.tif"), np.full((40, 40), 9.0, np.float32), np.array([(1.0, 0, -20), (0, 1.0, -20)]), (40, 40)
-    )
-    tops = [Tree(0.0, 0.0, 15.0, 2.0, None, None), Tree(10.0, 0.0, 12.0, 2.0, None, None)]
-    made = with_stems(tops, [Circle(1.5, 0.0, 0.1), Circle(0.5, 0.2, 0.2)], canopy)
-    assert made == [
-        Tree(0.5, 0.2, 15.0, 2.0, 0.4, None), tops[1], Tree(1.5, 0.0, 9.0, None, 0.2, None),
-    ]  # fmt: skip
+    """Of two below a crown the nearer one that is thick enough bears it; others are as high as the canopy there."""
+    heights = np.full((40, 60), 7.0, np.float32)
+    heights[22, 27] = 9.0  # at x = 2, y = -3
+    canopy = Canopy(Path("a.tif"), heights, np.array([(1.0, 0, -20), (0, 1.0, -30)]), (40, 60))
+    tops = [Tree(1.0, -3.0, 15.0, 2.0, None, None), Tree(10.0, 0.0, 12.0, 2.0, None, None)]
+    made = with_stems(tops, [Circle(2.1, -2.9, 0.1), Circle(0.5, -2.8, 0.2), Circle(0.9, -3.0, 0.03)], canopy)
+    assert made[:2] == [Tree(0.5, -2.8, 15.0, 2.0, 0.4, None), tops[1]]
+    assert [tree[:3] for tree in made[2:]] == [(2.1, -2.9, 9.0), (0.9, -3.0, 7.0)]
+    assert made[2].crown_radius == pytest.approx(0.11 * 9.0)

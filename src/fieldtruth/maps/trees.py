@@ -90,7 +90,7 @@ def find_trees(
 
 _DEEPENS: Final = 0.45
 """Share of a tree's height by which its crown is lower at its edge than at its top: of a paraboloid."""
-_SLENDER: Final = 0.11
+SLENDER: Final = 0.11
 """Radius of the crown of a tree among others, as a share of its height."""
 _LEVEL: Final = 0.8
 """Share of the highest cell around it that the top of such a tree has, at least."""
@@ -120,7 +120,7 @@ def fill_canopy(canopy: Canopy, trees: Sequence[Tree], *, lowest: float = LOWEST
         height = float(heights[row, column])
         if known[row, column] < height - max(_UNSEEN[0], _UNSEEN[1] * height):
             x, y = canopy.world_from_cell @ (row, column, 1.0)
-            radius = max(_SLENDER * height, 0.5)
+            radius = max(SLENDER * height, 0.5)
             _raise_crown(known, (row, column), height, radius, matrix)
             if abs(x) <= canopy.size[0] / 2 and abs(y) <= canopy.size[1] / 2:
                 added.append(Tree(float(x), float(y), height, radius, None, None))

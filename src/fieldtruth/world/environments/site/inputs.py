@@ -15,7 +15,7 @@ from fieldtruth.maps.elevation import Elevation, read_ground_points, read_raster
 from fieldtruth.maps.imagery import read_classes
 from fieldtruth.maps.inventory import read_inventory
 from fieldtruth.maps.osm import StreetMap, read_osm
-from fieldtruth.maps.stems import Circle, read_stems, with_stems
+from fieldtruth.maps.stems import read_stems, with_stems
 from fieldtruth.maps.trees import Tree, fill_canopy, find_trees
 from fieldtruth.world.build import needed_libraries
 from fieldtruth.world.environments.site.config import Config
@@ -94,15 +94,16 @@ def read_trees(config: Config, origin: Origin) -> MappedTrees:
         return MappedTrees(list(found.trees), (*outside, *found.notes))
     read = read_canopy_points if ending in LASER else read_canopy
     canopy = read(file.path, origin, config.size, crs=file.crs)
-    trees, seen = find_trees(canopy), list[Circle]()
-    if ending in LASER and (seen := read_stems(file.path, origin, config.size, crs=file.crs)):
-        trees = with_stems(trees, seen, canopy)
+    trees = find_trees(canopy)
     lower = fill_canopy(canopy, trees)
-    side = f"{np.sqrt(canopy.cell_area):.2g} m"
-    cells = f"{len(trees):,} trees found in a canopy model of {side} cells, which {len(lower):,} lower ones fill"
-    stems = (f"{len(seen):,} stems seen from the ground",) if seen else ()
+    cells = f"{len(trees):,} trees found in a canopy model of {np.sqrt(canopy.cell_area):.2g} m cells, "
+    cells += f"which {len(lower):,} lower ones fill"
+    trees += lower
+    if ending in LASER and (seen := read_stems(file.path, origin, config.size, crs=file.crs, canopy=canopy)):
+        trees = with_stems(trees, seen, canopy)
+        cells += f"; {len(seen):,} stems seen from the ground"
     missing = (f"{canopy.missing:,} cells without data count as bare ground",) if canopy.missing else ()
-    return MappedTrees([*trees, *lower], (cells, *stems, *missing))
+    return MappedTrees(trees, (cells, *missing))
 
 
 def describe(config: Config, inputs: Inputs) -> Iterator[str]:
