@@ -341,6 +341,23 @@ def test_a_count_may_grow_with_the_worlds_length_and_water_has_a_name_and_a_widt
     assert (sheet.min(axis=0)[:2].tolist(), sheet.max(axis=0)[:2].tolist()) == ([-312, -308], [312, 308])
 
 
+def test_rows_are_the_same_wherever_the_first_one_is(tmp_path: Path) -> None:
+    """Rows 4 m apart are as many with an offset of 58 m as with -2 m; a density by a rule plants them, too."""
+    found = []
+    for offset in (-2, 58):
+        text = TEXT.replace("offset: -2", f"offset: {offset}").replace(
+            "per_m2: 4, where: ditch > 3 and crown < 0.5",
+            f"per_m2: 0.5 + 0.5, rows: {{spacing: 4, every: 1, offset: {offset}}}",
+        )
+        with environment(tmp_path / f"rows_{offset + 2}.yaml", text) as name:
+            world = build_world(name, 3, {"stones": 0})
+        [grass] = world.swarms
+        found.append((positions(of_kind(world, "row_trees")), grass.world_from_object[:, :2, 3]))
+    for usual, other in zip(*found, strict=True):
+        assert len(usual) > 10
+        np.testing.assert_allclose(sorted(other.tolist()), sorted(usual.tolist()), atol=1e-9)
+
+
 @pytest.mark.parametrize("inside", [True, False])
 def test_without_a_border_all_is_far_from_it(inside: bool) -> None:
     far = border_distance(np.full((4, 5), inside), 0.2)
@@ -383,6 +400,42 @@ def test_waves_have_deviation_one_and_the_materials_of_the_land_follow_its_rules
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("litter_amount: 0", "beyond: {fields: {a: b, b: a + 1}}", "beyond.fields.[ab]: follows from itself"),
+        (
+            "slope: 0.05 * x",
+            "slope: {pits_and_mounds: {per_ha: 9, where: noise(5) > 0}}",
+            r"relief.slope.where: noise\(\) is allowed",
+        ),
+        (
+            "slope: 0.05 * x",
+            "slope: {collapse: {repose_deg: noise(5)}}",
+            r"relief.slope.repose_deg: noise\(\) is allowed",
+        ),
+        ("{level: -0.4}", "{level: rows(3)}", "water.level: unknown field 'x'"),
+        ("{group: stone, kind: rock, count: 6", "{type: [a], group: stone", "objects.stones: unknown type"),
+        ("count: 6, where", "count: 6, scales: [2, 1], where", "objects.stones.scales: the first must not be above"),
+        ("count: 6, where", "count: 6, bedded: true, stand: true, where", "objects.stones: bedded .* excludes stand"),
+        ("fields:", "parameters: {wide: {value: 3, high: 2}}\nfields:", "parameters.wide: value must be between"),
+        (
+            "litter_amount: 0",
+            "surroundings: {far: {margin: 5, spacing: 5, relief: {}}}",
+            "surroundings.far: margin must be two spacings",
+        ),
+        (
+            "litter_amount: 0",
+            "surroundings: {a: {margin: 20, spacing: 2, relief: {}}, b: {margin: 60, spacing: 2, relief: {}}}",
+            "surroundings: the widest must be first",
+        ),
+        (
+            "litter_amount: 0",
+            "surroundings: {a: {margin: 20, spacing: 2, relief: {}}}\nbeyond: {canopy: {height: 8, behind: 9}}",
+            "either surroundings or beyond.canopy is allowed",
+        ),
+        (
+            "objects:",
+            "objects:\n  one: {type: power_line, y: 3}\n  two: {type: power_line, y: 6}",
+            "objects: one power_line is allowed",
+        ),
         ("patch: noise(6, 3)", "patch: waves(6, 30)", r"fields.patch: waves\(\) is allowed in beyond.fields only"),
         ("slope: 0.05 * x", "slope: {smoth: {length: 1}}", "relief.slope: unknown step 'smoth'; did you mean 'smooth'"),
         ("slope: 0.05 * x", "slope: {smooth: {length: 0}}", "relief.slope.smooth.length must be a number above 0"),

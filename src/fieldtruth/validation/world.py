@@ -171,7 +171,8 @@ class ObjectClasses(Checker):
 
 def names_of_objects(layout: Mapping[str, Any]) -> Iterator[str]:
     """Yield the names, without number, of the objects from files of a layout, which may not be valid."""
-    for each in layout.get("objects") or ():
+    given = layout.get("objects")
+    for each in given if isinstance(given, list | tuple) else ():
         with suppress(ValidationError):
             yield ObjectConfig.model_validate(each).title
 

@@ -282,9 +282,10 @@ def eased(spacing: float, eases: Sequence[float] = EASES) -> list[float]:
 
 def _least_used(used: Sequence[tuple[float, float, int]], xy: Array, group: ObjectGroup) -> int:
     """Row of the mesh that is used least, of those that no object near xy [m] is a copy of if there are any."""
-    counts, (x, y) = Counter(row for _, _, row in used), xy.tolist()
-    near = {row for a, b, row in used if hypot(a - x, b - y) < group.differ}
-    return min(range(len(group.meshes)), key=lambda row: (row in near, counts[row], row))
+    names, (x, y) = [mesh.name for mesh in group.meshes], xy.tolist()
+    counts = Counter(row for _, _, row in used)
+    near = {names[row] for a, b, row in used if hypot(a - x, b - y) < group.differ}
+    return min(range(len(names)), key=lambda row: (names[row] in near, counts[row], row))
 
 
 @dataclasses.dataclass

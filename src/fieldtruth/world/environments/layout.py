@@ -7,6 +7,7 @@ group of plants (``PlantGroup``) and what each swarm is like (``SwarmForm``); th
 grow. The key ``plants`` of a layout names other species for a group.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -193,8 +194,11 @@ class Planter:
         """Count the individuals of each species of a group."""
         count = self._planting.groups[group].count
         if isinstance(count, str):
-            return max(1, round(float(Expression(count).values(lambda name: np.array(self._numbers[name])))))
-        return count
+            value = float(Expression(count).values(lambda name: np.array(self._numbers[name])))
+            if not math.isfinite(value):
+                raise ConfigurationError(f"groups.{group}.count: {count!r} must be a finite number, got {value}")
+            return max(1, round(value))
+        return max(1, count)
 
     def tufts(self, group: str) -> int:
         """Count the tufts in a clump of a group."""

@@ -8,14 +8,15 @@ from itertools import pairwise
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Frozen, Integer, Positive
 from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import FAR, Fields, rng_of
 from fieldtruth.world.environments.layered.plants import Plants, density_of, grown, specified
-from fieldtruth.world.environments.layered.sections import Layer, Rule
+from fieldtruth.world.environments.layered.sections import Layer, Rule, ordered
+from fieldtruth.world.environments.layered.trees import SPECIES, by_species
 from fieldtruth.world.environments.layout import Count
 from fieldtruth.world.model import Mesh, make_mesh
 from fieldtruth.world.placement import (
@@ -123,7 +124,7 @@ class Beds(Layer):
 
     group: str
     count: Annotated[Integer, Field(ge=0)]  # of bushes
-    bushes: tuple[PerBed, PerBed] = (3, 6)  # in a bed, at least and at most
+    bushes: Annotated[tuple[PerBed, PerBed], AfterValidator(ordered)] = (3, 6)  # in a bed, at least and at most
     where: Rule = Field(default=Expression("1"))  # chance of a bed's centre
     edging: Edging | None = None
     border: Border | None = None
@@ -149,8 +150,7 @@ class Beds(Layer):
             CrowdedWorldError: bushes are left after all tries.
         """
         rng, grown_bushes = rng_of(fields.seed, f"objects.{name}"), grown(fields, config, self.group)
-        own = len(grown_bushes) // len(config.planter.species(self.group))  # individuals of a species
-        species = [grown_bushes[k : k + own] for k in range(0, len(grown_bushes), own)]
+        species = list(by_species(grown_bushes).values())
         beds = self._lay(builder, fields, species, getattr(config, name), self.kind or name, rng)
         fields.near[name] = lambda xy: bed_distance(beds, xy)
         if self.edging is not None and beds:
@@ -267,5 +267,5 @@ def plant_border(
             return (bed_distance(own, xy) < 0) * fields.at(border.where, xy)
 
         if own:
-            spec = specified(border.name.format(species=name), border, meshes, per_m2)
+            spec = specified(border.name.replace(SPECIES, name), border, meshes, per_m2)
             builder.scatter_swarm(spec, rng, density)

@@ -12,6 +12,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -31,7 +32,7 @@ from fieldtruth.world.environments.layered.objects import Objects
 from fieldtruth.world.environments.layered.plants import Plants
 from fieldtruth.world.environments.layered.positions import Along
 from fieldtruth.world.environments.layered.power_line import PowerLine
-from fieldtruth.world.environments.layered.sections import Amount, Distance, Layer, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Amount, Between, Distance, Layer, Rule, Ruled
 from fieldtruth.world.environments.layered.steps import Relief, rules_of
 from fieldtruth.world.environments.layered.surroundings import Surroundings
 from fieldtruth.world.environments.layout import (
@@ -51,6 +52,8 @@ from fieldtruth.world.library import Entry, Library
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.seasons import SUMMER, seasons
 
+MOST_NODES: Final = 4_000_000
+"""Nodes of a grid about a world of the environment's size."""
 CONSTANTS: Final = frozenset({"trail_width", "spacing"})
 """Width [m] of the trails, and distance [m] between the nodes of the relief."""
 FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
@@ -97,6 +100,10 @@ class Parameter(Frozen):
     def _is_integer(self) -> Self:
         if self.integer and any(each is not None and each % 1 for each in (self.value, self.low, self.high)):
             raise ValueError("value, low and high of an integer must be integers")
+        if not (self.low is None or self.value >= self.low) or not (self.high is None or self.value <= self.high):
+            raise ValueError(f"value must be between low and high, got {self.value:g}")
+        if self.above is not None and self.value <= self.above:
+            raise ValueError(f"value must be above {self.above:g}, got {self.value:g}")
         return self
 
     def layout(self) -> tuple[Any, float]:
@@ -114,7 +121,7 @@ def _parameter(given: Any) -> Any:
 def _layer(given: Any) -> Layer:
     """Return the layer of objects of the type that it names; raises ValueError."""
     kind = given.get("type", "objects") if isinstance(given, Mapping) else "objects"
-    if kind not in LAYERS:
+    if not isinstance(kind, str) or kind not in LAYERS:
         raise ValueError(f"unknown type {kind!r}; {suggestion(str(kind), LAYERS)}")
     try:
         return LAYERS[kind].model_validate(given)
@@ -131,8 +138,8 @@ class Puddles(Ruled):
 
     count: Annotated[Integer, Field(ge=0)]
     where: Rule = Field(default=Expression("1"))
-    radius: tuple[Positive, Positive] = (0.5, 1.4)  # [m]
-    depth: tuple[Positive, Positive] = (0.04, 0.12)  # [m]
+    radius: Between = (0.5, 1.4)  # [m]
+    depth: Between = (0.04, 0.12)  # [m]
     material: str = "water"
 
 
@@ -172,6 +179,11 @@ class Description(Frozen):
                 raise ValueError(f"{key}: unknown material {name!r}; {suggestion(name, MATERIALS)}")
         if self.water is not None and self.puddles is not None:
             raise ValueError("either water or puddles is allowed")
+        if self.surroundings and self.beyond.canopy is not None:
+            raise ValueError("either surroundings or beyond.canopy is allowed; a roof is for both")
+        if sum(isinstance(layer, PowerLine) for layer in self.objects.values()) > 1:
+            raise ValueError("objects: one power_line is allowed")
+        self._check_grids()
         for unknown in (name for name in self.roots if name not in self.objects):
             raise ValueError(f"roots: unknown layer of objects {unknown!r}; {suggestion(unknown, self.objects)}")
         self._check_names()
@@ -181,12 +193,29 @@ class Description(Frozen):
         for key, swarm in self.beyond.swarms.items():
             _check_along(f"beyond.swarms.{key}.along", swarm.along, (), ())
         self._check_beside()
+        for name in self.beyond.fields:
+            _check_cycle(f"beyond.fields.{name}", name, self.beyond.fields, frozenset())
         for key, rule, known, drawn in self._rules():
             try:
-                rule.check(CONSTANTS | set(self.parameters) if isinstance(rule, Constant) else known, drawn)
+                if isinstance(rule, Constant):
+                    rule.check(CONSTANTS | set(self.parameters))
+                else:
+                    rule.check(known, drawn)
             except ValueError as error:
                 raise ValueError(f"{key}: {error}") from error
         return self
+
+    def _check_grids(self) -> None:
+        """Check that grids about the world have nodes for their splines, not too many, and the widest first."""
+        margins = [grid.margin for grid in self.surroundings.values()]
+        if margins != sorted(margins, reverse=True):
+            raise ValueError("surroundings: the widest must be first")
+        for name, grid in self.surroundings.items():
+            nodes = np.prod([(side + 2.0 * grid.margin) / grid.spacing + 1.0 for side in self.size])
+            if grid.margin < 2.0 * grid.spacing or nodes > MOST_NODES:
+                raise ValueError(
+                    f"surroundings.{name}: margin must be two spacings at least, and nodes at most {MOST_NODES:,}"
+                )
 
     def _check_beside(self) -> None:
         earlier: list[str] = []
@@ -206,18 +235,26 @@ class Description(Frozen):
             ("beyond.fields", self.beyond.fields, fields), ("objects", self.objects, fields),
             ("parameters", self.parameters, layers), ("mixtures", self.mixtures, layers),
             ("objects", self.objects, layers), ("plants", self.plants, layers),
-            ("plants", self.plants, swarms), ("beyond.swarms", self.beyond.swarms, swarms),
+            ("plants", self.plants, swarms), ("objects", self._swarms_of_beds(), swarms),
+            ("beyond.swarms", self.beyond.swarms, swarms),
         ):  # fmt: skip
             for name in names:
                 if name in taken or not _NAME.fullmatch(name) or hasattr(GroundConfig, name):
                     raise ValueError(f"{section}.{name}: the name is taken, or not of letters, digits and _")
                 taken.add(name)
 
+    def _swarms_of_beds(self) -> Iterator[str]:
+        for layer in self.objects.values():
+            if isinstance(layer, Beds) and layer.edging is not None:
+                yield layer.edging.name
+
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
         canopy = [self.beyond.canopy.material] if self.beyond.canopy else []
         yield "beyond", (self.beyond.material, *canopy, *self.beyond.materials)
+        for key, layer in self.objects.items():
+            yield f"objects.{key}.edging", (layer.edging.material,) if isinstance(layer, Beds) and layer.edging else ()
         yield "puddles", (self.puddles.material,) if self.puddles is not None else ()
 
     def _rules(self) -> Iterator[tuple[str, Expression, Set[str], Set[str]]]:
@@ -232,7 +269,7 @@ class Description(Frozen):
         )
         reliefs = {f"surroundings.{key}.relief": grid.relief for key, grid in self.surroundings.items()}
         for at, layers in {**reliefs, "relief": self.relief}.items():
-            yield from ((f"{at}.{key}", rule, flat, nodes) for key, rule in rules_of(layers))
+            yield from ((f"{at}.{key}", rule, flat, nodes if drawn else set()) for key, rule, drawn in rules_of(layers))
         for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
             yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
         for key, layer in self.objects.items():
@@ -264,6 +301,14 @@ class Description(Frozen):
         shaped = bool(names & SHAPED) or (name in self.fields and "uphill" in self.fields[name].drawn)
         follows = [self._is_shaped(each, seen | {name}) for each in sorted(names)]  # all: each may follow from itself
         return shaped or any(follows)
+
+
+def _check_cycle(key: str, name: str, fields: Mapping[str, Expression], seen: frozenset[str]) -> None:
+    """Check that a field does not follow from itself; raises ValueError."""
+    if name in seen:
+        raise ValueError(f"{key}: follows from itself")
+    for each in sorted(fields[name].names & fields.keys()):
+        _check_cycle(key, each, fields, seen | {name})
 
 
 def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: Iterable[str]) -> None:
@@ -344,7 +389,7 @@ def model_of(name: str) -> type[GroundConfig]:
         keys[key] = (Annotated[Mapping[str, Share], info, AfterValidator(partial(_mixture, name, key))], shares)
     keys |= {key: own for key, layer in description.objects.items() if (own := layer.layout()) is not None}
     for key, plants in description.plants.items():
-        if isinstance(plants.per_m2, Expression):
+        if isinstance(plants.per_m2, Expression) and plants.rows is None:
             continue
         keys[key] = (Share, 1.0) if plants.rows is not None else (Density, plants.per_m2)
     keys["beyond"] = description.beyond.layout()

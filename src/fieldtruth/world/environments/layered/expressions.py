@@ -74,6 +74,7 @@ class Expression:
         except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
             raise ValueError(f"not an expression: {self.text!r}") from error
         self.names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)} - self._calls()
+        self.names |= {"x", "y"} if "rows" in self._calls() else set()
         self.drawn = self._calls() & DRAWN.keys()
         """Its functions of ``DRAWN``."""
         _check(self._tree)

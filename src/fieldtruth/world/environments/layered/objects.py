@@ -17,7 +17,7 @@ from fieldtruth.world.environments.layered.expressions import Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.plants import Groups, grown
 from fieldtruth.world.environments.layered.positions import Along, Rows, along_line, in_rows
-from fieldtruth.world.environments.layered.sections import Distance, Layer, Rule
+from fieldtruth.world.environments.layered.sections import Between, Distance, Layer, Rule
 from fieldtruth.world.environments.layered.trees import SPECIES, grouped
 from fieldtruth.world.environments.layout import PLANTINGS, Count, LengthCount, Share
 from fieldtruth.world.fallen import lay_log
@@ -52,7 +52,7 @@ class Objects(Layer):
     beside: Beside | None = None  # as many of the count as there is space for; the others elsewhere
     where: Rule = Field(default=Expression("1"))  # chance of a position
     spacing: Distance = 0.0  # [m] between any two; eases where space is scarce
-    scales: tuple[Positive, Positive] = (1.0, 1.0)
+    scales: Between = (1.0, 1.0)
     tint: Distance = 0.08
     tilt: Share = 0.0  # share of the slope by which they lean
     sink: Distance = 0.0  # [m]
@@ -72,6 +72,11 @@ class Objects(Layer):
             raise ValueError("one of count, rows and along is required")
         if self.beside is not None and not self.count:
             raise ValueError("beside: a count is required")
+        for name in (name for name in ("bedded", "stand") if getattr(self, name)):
+            others = [k for k in ("rows", "along", "beside", "bedded", "stand") if k != name and getattr(self, k)]
+            if self.furniture or others:
+                excluded = ", ".join(others) or "furniture"
+                raise ValueError(f"{name} is for a count of a group at random positions, and excludes {excluded}")
         for unknown in (name for name in self.furniture if name not in FURNITURE):
             raise ValueError(f"unknown furniture {unknown!r}; {suggestion(unknown, FURNITURE)}")
         return self

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Final
 from pydantic import BeforeValidator, Field, PlainValidator
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.fields import Boolean, Positive
+from fieldtruth.experiment.fields import Boolean
 from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.positions import Along, Rows, in_rows
-from fieldtruth.world.environments.layered.sections import Distance, Rule, Ruled
+from fieldtruth.world.environments.layered.sections import Between, Distance, Rule, Ruled
 from fieldtruth.world.environments.layout import Density, Share
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import SwarmForm, SwarmSpec, WorldBuilder
@@ -47,7 +47,7 @@ class Plants(Ruled):
     mean: Boolean = False  # it is what ``where`` leaves in the mean over the world
     rows: Rows | None = None  # instead of a density
     where: Rule = Field(default=Expression("1"))
-    scales: tuple[Positive, Positive] = (0.8, 1.25)
+    scales: Between = (0.8, 1.25)
     tint: Distance = 0.1
     tilt: Share = 0.0
     lean_deg: Distance = 0.0
@@ -64,7 +64,7 @@ class FarPlants(Ruled):
     per_m2: Density = 1.0
     along: Along | None = None  # the trails beyond the edge, instead
     where: Rule = Field(default=Expression("1"))  # of x, y, beyond, land, the fields of the land and layers of objects
-    scales: tuple[Positive, Positive] = (0.8, 1.25)
+    scales: Between = (0.8, 1.25)
     tint: Distance = 0.1
     tilt: Share = 0.0
     sink: Distance = 0.0
@@ -88,7 +88,7 @@ def grown(fields: Fields, config: Any, *groups: str) -> list[Mesh]:
     if len(groups) == 1:
         return fields.meshes[groups[0]]
     turns = [
-        (number // len(config.planter.species(group)), mesh)
+        (number // max(1, len(config.planter.species(group))), mesh)
         for group in groups
         for number, mesh in enumerate(fields.meshes[group])
     ]

@@ -52,7 +52,8 @@ class Along(Frozen):
 def in_rows(size: tuple[float, float], rows: Rows, rng: np.random.Generator) -> Array:
     """Positions (n, 3): x, y [m] and the heading [rad] of parallel rows over a world, row by row."""
     angle, reach = np.radians(rows.angle), float(np.hypot(*size)) / 2
-    across = np.arange(-np.ceil(reach / rows.spacing), np.ceil(reach / rows.spacing) + 1) * rows.spacing + rows.offset
+    aside = rows.offset - rows.spacing * round(rows.offset / rows.spacing)  # of the row that is nearest to the middle
+    across = np.arange(-np.ceil(reach / rows.spacing), np.ceil(reach / rows.spacing) + 1) * rows.spacing + aside
     along = np.arange(-np.ceil(reach / rows.every), np.ceil(reach / rows.every) + 1) * rows.every
     v, u = np.meshgrid(across, along, indexing="ij")
     x, y = u * np.cos(angle) - v * np.sin(angle), u * np.sin(angle) + v * np.cos(angle)

@@ -6,9 +6,9 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator
+from pydantic import AfterValidator, Field, PlainValidator
 
-from fieldtruth.experiment.fields import Frozen, Number
+from fieldtruth.experiment.fields import Frozen, Number, Positive
 from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields
 from fieldtruth.world.placement import WorldBuilder
@@ -17,6 +17,17 @@ Rule = Annotated[Expression, PlainValidator(Expression)]
 Amount = Annotated[Constant, PlainValidator(Constant)]
 """A number, or a rule of parameters."""
 Distance = Annotated[Number, Field(ge=0)]
+
+
+def ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    """Check that the first of two numbers is not above the second; raises ValueError."""
+    if pair[0] > pair[1]:
+        raise ValueError(f"the first must not be above the second, got [{pair[0]:g}, {pair[1]:g}]")
+    return pair
+
+
+Between = Annotated[tuple[Positive, Positive], AfterValidator(ordered)]
+"""Least and greatest of numbers that are drawn."""
 
 
 class Ruled(Frozen):

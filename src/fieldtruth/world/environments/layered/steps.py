@@ -4,7 +4,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationError, model_validator
@@ -28,6 +28,9 @@ Slope = Annotated[Number, Field(ge=-STEEPEST, le=STEEPEST)]
 class Step(Ruled):
     """A step of a relief; its rules know what the relief's do."""
 
+    at_positions: ClassVar[frozenset[str]] = frozenset()
+    """Its rules that are asked for anywhere, and so have no functions of the grid."""
+
     @abstractmethod
     def apply(self, fields: Fields, name: str) -> Array:
         """Return the heights (nx, ny) [m] that ``fields.height`` becomes; ``name`` is that of seeds."""
@@ -49,6 +52,7 @@ class Smooth(Step):
 class PitsAndMounds(Step):
     """Adds the pits and mounds that uprooted trees have left."""
 
+    at_positions = frozenset({"where"})
     per_ha: Positive  # pairs to the hectare, before ``where``
     where: Rule = Field(default=Expression("1"))  # chance of a pair
 
@@ -179,10 +183,10 @@ def shape(fields: Fields, layers: Mapping[str, Expression | Step], start: Array,
     return height
 
 
-def rules_of(layers: Mapping[str, Expression | Step]) -> Iterator[tuple[str, Expression]]:
-    """Yield the rules of layers of relief by their keys."""
+def rules_of(layers: Mapping[str, Expression | Step]) -> Iterator[tuple[str, Expression, bool]]:
+    """Yield the rules of layers of relief by their keys, and whether they may have functions of the grid."""
     for key, layer in layers.items():
         if isinstance(layer, Expression):
-            yield key, layer
+            yield key, layer, True
         else:
-            yield from ((f"{key}.{name}", rule) for name, rule in layer.rules())
+            yield from ((f"{key}.{name}", rule, name not in layer.at_positions) for name, rule in layer.rules())

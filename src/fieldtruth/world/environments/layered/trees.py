@@ -92,17 +92,23 @@ def grouped(
     """Objects by kind; species are as frequent as their ``shares`` say, or equally without any."""
     if not shares and SPECIES not in kind:
         return [ObjectGroup(kind=kind, meshes=meshes, count=count, **own)]
-    by_species: dict[str, list[Mesh]] = {}
-    for mesh in meshes:
-        by_species.setdefault(mesh.species[0] if mesh.species else "", []).append(mesh)
-    counts = divided(count or _ANY, {name: shares.get(name, 1.0) for name in by_species})
+    found = by_species(meshes)
+    counts = divided(count or _ANY, {name: shares.get(name, 1.0) for name in found})
     if SPECIES in kind:
         return [
             ObjectGroup(kind=kind.replace(SPECIES, name), meshes=each, count=counts[name], **own)
-            for name, each in by_species.items()
+            for name, each in found.items()
         ]
-    mixed = [each[k % len(each)] for name, each in by_species.items() for k in range(counts[name])]
+    mixed = [each[k % len(each)] for name, each in found.items() for k in range(counts[name])]
     return [ObjectGroup(kind=kind, meshes=mixed, count=count, **own)]
+
+
+def by_species(meshes: Sequence[Mesh]) -> dict[str, list[Mesh]]:
+    """Individuals of each species, in the order of their first ones."""
+    found: dict[str, list[Mesh]] = {}
+    for mesh in meshes:
+        found.setdefault(mesh.species[0] if mesh.species else "", []).append(mesh)
+    return found
 
 
 _ANY: Final = 100
