@@ -194,3 +194,17 @@ def test_power_line_without_free_positions_is_an_error(tmp_path: Path) -> None:
         pytest.raises(CrowdedWorldError, match="no two free positions for poles 46 m apart near y = 17 m"),
     ):
         build_world(name, 0, {"grid": 0.5})
+
+
+def test_poles_in_a_long_world_are_objects(tmp_path: Path) -> None:
+    """Four of six are in it, with the five spans that touch it; those beyond are one swarm."""
+    with environment(tmp_path / "long.yaml", TEXT) as name:
+        world = build_world(name, 0, {"grid": 0.5, "size": [180, 40]})
+    half = np.array(world.size) / 2
+    poles = [each for each in world.instances if each.kind == "power_pole"]
+    [outer] = [swarm.world_from_object[:, :2, 3] for swarm in world.swarms if swarm.name == "power_poles_beyond"]
+    assert len(poles) + len(outer) == 6
+    assert all((np.abs(each.world_from_object[:2, 3]) < half).all() for each in poles)
+    assert (np.abs(outer) > half).any(axis=1).all()
+    assert len(poles) == 4
+    assert sum(each.kind == "cable" for each in world.instances) == 4 * 5
