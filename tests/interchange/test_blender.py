@@ -32,8 +32,8 @@ from fieldtruth.world.build import load_world
 pytestmark = pytest.mark.usefixtures("small_ground_images")
 
 SCRIPT: Final = Path(__file__).with_name("blender_render.py")
-LARGEST_SHARE: Final = 4e-4
-"""Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4, 2.7e-4 through the hillside's grass."""
+LARGEST_SHARE: Final = 2e-4
+"""Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4."""
 
 
 class Case(NamedTuple):
@@ -42,6 +42,7 @@ class Case(NamedTuple):
     form: str
     width: int
     height: int
+    share: float = LARGEST_SHARE
 
 
 CASES: Final = (
@@ -49,7 +50,7 @@ CASES: Final = (
     Case("park_1", 55.0, "gltf-plain", 640, 360),
     Case("lake_1", 40.0, "gltf", 640, 360),
     Case("forest_1", 40.0, "gltf", 640, 360),
-    Case("hillside_1", 40.0, "gltf", 640, 360),
+    Case("hillside_1", 40.0, "gltf", 640, 360, 4e-4),  # through high grass: 2.7e-4, within half a pixel of an edge
 )
 
 FINE: Final = 4
@@ -66,6 +67,8 @@ class Views(NamedTuple):
     instance: Ids
     label: Ids
     depth: NDArray[np.float32]
+    share: float
+    """Of pixels that may differ."""
 
 
 def blender_python() -> str:
@@ -104,7 +107,9 @@ def views(case: Case, folder: Path) -> Views:
     assert np.array_equal(ids[..., :2], np.rint(ids[..., :2])), "a pixel mixes ids: more than its centre was sampled"
     finer = StereoConfig(width=FINE * case.width, height=FINE * case.height)
     fine = LabelCamera(finer, camera.scene).label(pose)
-    return Views(camera.label(pose), fine, ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2])
+    return Views(
+        camera.label(pose), fine, ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2], case.share
+    )
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case.experiment}-{case.form}")
@@ -126,29 +131,31 @@ def distance_to_edge(fine: NDArray[np.integer]) -> Array:
     return np.asarray(distance.reshape(height // FINE, FINE, width // FINE, FINE).min(axis=(1, 3)))
 
 
-def assert_same_except_at_silhouettes(ours: NDArray[np.integer], theirs: Ids, fine: NDArray[np.integer]) -> None:
+def assert_same_except_at_silhouettes(
+    ours: NDArray[np.integer], theirs: Ids, fine: NDArray[np.integer], limit: float
+) -> None:
     wrong = ours != theirs
     distances = distance_to_edge(fine)[wrong]
     share, farthest = wrong.mean(), distances.max(initial=0)
     print(f"{wrong.sum()} of {wrong.size} pixels differ ({share:.2g}), at most {farthest} pixels from an edge")
-    assert share < LARGEST_SHARE
+    assert share < limit
     assert farthest <= 2
     # One pixel to the side is far more than the tolerance: the comparison would show it.
     for axis in (0, 1):
-        assert (ours != np.roll(theirs, 1, axis)).mean() > 25 * LARGEST_SHARE
+        assert (ours != np.roll(theirs, 1, axis)).mean() > 50 * LARGEST_SHARE
 
 
 @pytest.mark.slow
 def test_blender_sees_the_same_instances(both: Views) -> None:
     assert len(np.unique(both.instance)) > 30
-    assert_same_except_at_silhouettes(both.ours.instance, both.instance, both.fine.instance)
+    assert_same_except_at_silhouettes(both.ours.instance, both.instance, both.fine.instance, both.share)
 
 
 @pytest.mark.slow
 def test_blender_sees_the_same_classes(both: Views) -> None:
     assert len(np.unique(both.label)) > 5
     theirs = np.where(both.label == 0, int(Label.SKY), both.label)
-    assert_same_except_at_silhouettes(both.ours.label, theirs, both.fine.label)
+    assert_same_except_at_silhouettes(both.ours.label, theirs, both.fine.label, both.share)
 
 
 @pytest.mark.slow
