@@ -5,6 +5,7 @@
 import hashlib
 import shutil
 import struct
+import sys
 import subprocess
 import zipfile
 from collections.abc import Callable, Iterator
@@ -77,6 +78,7 @@ def test_zip_is_reproducible_with_any_workers(small_run: Path, packed: Path, tmp
     assert digest(again) == digest(packed)
 
 
+@pytest.mark.skipif(sys.version_info < (3, 11, 4), reason="its zipfile writes sizes beside the ZIP64 field: gh-103861")
 def test_local_headers_are_zip64_without_dates(packed: Path) -> None:
     data, full = packed.read_bytes(), 2**32 - 1
     with ZipFile(packed) as archive:
