@@ -5,8 +5,8 @@
 import hashlib
 import shutil
 import struct
-import sys
 import subprocess
+import sys
 import zipfile
 from collections.abc import Callable, Iterator
 from io import BytesIO

@@ -20,7 +20,7 @@ from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
-GRASS, EARTH = (8.0, 22.0), (2.0, 6.0)  # [mm]; medians of 5 poses scatter by 2 mm about those of 25
+GRASS, EARTH = (8.0, 20.0), (2.0, 6.0)  # [mm]
 CONFIG = LidarConfig(rings=64, columns=2048, vertical_fov_deg=33.2, min_range=0.8)
 
 
@@ -75,6 +75,6 @@ def ring_noise(world: World, poses: int) -> dict[str, float]:
 )
 def test_ring_noise_by_ground_type(environment: str, bounds_mm: dict[str, tuple[float, float]]) -> None:
     """A real frame in grass: 12 mm, its sensor's 3.6 mm included. Noise grows with range, so medians need the band."""
-    found = ring_noise(load_world(environment), poses=5)
+    found = ring_noise(load_world(environment), poses=12)  # medians of 5 scatter by 2 mm
     for ground, (least, most) in bounds_mm.items():
         assert least < 1000.0 * found[ground] < most, (ground, found)
