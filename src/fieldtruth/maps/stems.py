@@ -148,7 +148,7 @@ def _off(circle: Circle, points: Array) -> Array:
 
 
 def _stem(points: Array, rng: np.random.Generator) -> Circle | None:
-    """A stem in a cluster's points (n, 2), that of most points; None if there is none.
+    """A stem in a cluster's points (n, 2), that of most points, or None.
 
     The points of a circle are drawn near each other, at distances of stems of all sizes: in undergrowth three points of
     the whole cluster would never be of one stem.

@@ -3,8 +3,8 @@
 """Keys that the layouts of all environments share, and the plants and rocks of the environments as data.
 
 Text and booleans are not accepted as numbers. ``world/data/environments/NAME.yaml`` says which species make up each
-group of plants (``PlantGroup``) and what each swarm is like (``SwarmForm``); the environment's module says where they
-grow. The key ``plants`` of a layout names other species for a group.
+group of plants (``PlantGroup``) and, of a site, what each swarm is like (``SwarmForm``); the layers of the same file
+say where they grow. The key ``plants`` of a layout names other species for a group.
 """
 
 import math

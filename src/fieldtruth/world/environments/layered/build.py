@@ -41,10 +41,10 @@ from fieldtruth.world.relief import with_layer, with_microrelief
 from fieldtruth.world.water import add_water, make_flat_sheet
 
 TRAIL: Final = Expression("trail")
-MESHES: Final = 13
-"""Nodes along each side of a sheet of water at least."""
-WIDE: Final = 75.0
-"""Distance [m] between them at most."""
+SHEET_NODES: Final = 13
+"""Nodes along each side of a sheet of water, at least."""
+SHEET_SPACING: Final = 75.0
+"""Distance [m] between the nodes of a sheet of water, at most."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -130,7 +130,7 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
     water = description.water
     fields.water = level = fields.constant(water.level)
     reach = [s / 2 + water.beyond for s in fields.size]
-    x, y = (np.linspace(-half, half, max(MESHES, round(2 * half / WIDE))) for half in reach)
+    x, y = (np.linspace(-half, half, max(SHEET_NODES, round(2 * half / SHEET_SPACING))) for half in reach)
     return [(make_flat_sheet(water.name, x, y), level)]
 
 

@@ -60,7 +60,7 @@ FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
 """Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
 corridor, and to the world's edge."""
 HIDDEN: Final = frozenset({"edge"})
-"""Those of them that a parameter may hide."""
+"""Fields of ``FLAT`` whose names parameters may have; rules then see the parameter."""
 SHAPED: Final = frozenset({"height", "slope", "drained"})
 """Height [m] and slope [deg] of the relief, and the area [m^2] that drains through a position."""
 _NAME: Final = re.compile("[a-z][a-z0-9_]{0,63}")

@@ -27,7 +27,7 @@ LONGEST: Final = 600
 
 
 def _smooth(value: Array, low: Array, high: Array) -> Array:
-    """0 up to ``low`` and 1 from ``high`` on, or the other way round, with a smooth step between."""
+    """Step from 0 at ``low`` to 1 at ``high``, smooth; ``low`` may be the larger one."""
     t = np.clip((value - low) / (high - low), 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the trees of an environment do to it: shade below their crowns, roots in the ground; and shares of species."""
+"""Effects of trees on their environment: shade below crowns, roots in the ground; and shares of species."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ SOLE: Final = 0.15
 ROOTS: Final = 0.1
 """Largest spacing [m] of the terrain's nodes on which roots can be seen."""
 SPECIES: Final = "{species}"
-"""What the name of a kind has where it is that of each object's species."""
+"""Place of the species in the name of a kind."""
 
 
 def crowns(builder: WorldBuilder, axes: Axes) -> dict[str, Raster]:
