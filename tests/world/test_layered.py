@@ -341,6 +341,36 @@ def test_a_count_may_grow_with_the_worlds_length_and_water_has_a_name_and_a_widt
     assert (sheet.min(axis=0)[:2].tolist(), sheet.max(axis=0)[:2].tolist()) == ([-312, -308], [312, 308])
 
 
+def test_grass_at_feet_stands_at_posts_and_not_in_water_or_under_wires(tmp_path: Path) -> None:
+    text = TEXT.replace("where: ditch > 3 and crown < 0.5", "where: foot < 0.5").replace(
+        "objects:", "objects:\n  wires: {type: power_line, y: -5, pole_distance: 20}", 1
+    )
+    with environment(tmp_path / "feet.yaml", text) as name:
+        world = build_world(name, 3, {"row_trees": 0.0, "size": [40, 16]})
+    [grass] = [each for each in world.swarms if each.name == "grass"]
+    stands = positions([each for each in world.instances if each.kind in ("posts", "rock", "power_pole")])
+    away = np.linalg.norm(grass.world_from_object[:, None, :2, 3] - stands, axis=2)
+    assert len(away) > 5
+    assert away.min(axis=1).max() < 1.0
+
+
+def test_fields_of_the_relief_know_the_puddles_that_are_dug(tmp_path: Path) -> None:
+    """Mud covers what lies lower than the ground about it: the puddles, which were not there when they were placed."""
+    puddles = "puddles: {count: 3, where: y < -1 and hollow > -9, radius: [0.9, 1], depth: [0.3, 0.3]}"
+    text = (
+        TEXT.replace("water: {level: -0.4}", puddles)
+        .replace("patch: noise(6, 3)", "patch: noise(6, 3)\n  hollow: blur(height, 1.5) - height")
+        .replace("soil: 0.25", "soil: hollow > 0.12")
+    )
+    with environment(tmp_path / "dug.yaml", text) as name:
+        world = build_world(name, 3, {"stones": 0})
+    middles = positions(of_kind(world, "water")) + [
+        world.meshes[each.mesh].vertices[0, :2] for each in of_kind(world, "water")
+    ]
+    soil = world.terrain.cover.at(*middles.T)[:, world.terrain.ground_materials.index("soil")]
+    assert (soil > 0.8).all()
+
+
 def test_rows_are_the_same_wherever_the_first_one_is(tmp_path: Path) -> None:
     """Rows 4 m apart are as many with an offset of 58 m as with -2 m; a density by a rule plants them, too."""
     found = []

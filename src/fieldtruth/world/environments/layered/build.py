@@ -124,6 +124,7 @@ def lay_water(fields: Fields, description: Description) -> list[tuple[Mesh, floa
         puddles = description.puddles.model_copy(update={"count": round(description.puddles.count * float(larger))})
         wet = dig_puddles(fields, puddles, fields.height, rng_of(fields.seed, "puddles"))
         fields.height, fields.water = wet.heights, wet.level
+        fields.forget()
         return wet.sheets
     if description.water is None:
         return []

@@ -140,6 +140,10 @@ class Fields:
             return np.full(len(xy), self.parameters[name])
         return self.near[name](xy) if name in self.near else np.full(len(xy), FAR)
 
+    def forget(self) -> None:
+        """Draw all fields anew where they are asked for: the relief that some follow from has changed."""
+        self._drawn.clear()
+
     @property
     def spacing(self) -> float:
         """Spacing [m] of the relief's nodes."""

@@ -44,11 +44,11 @@ def crowns(builder: WorldBuilder, axes: Axes) -> dict[str, Raster]:
 
 
 def feet(builder: WorldBuilder) -> Array:
-    """Positions (n, 2) [m] of trunks, posts and legs at the ground, ``FOOT`` apart; bushes have none."""
+    """Positions (n, 2) [m] of trunks, posts and legs at the ground, ``FOOT`` apart; bushes, wires, water have none."""
     cells = [np.full((1, 2), FAR)]
     for each in builder.instances:
         mesh, pose = builder.meshes[each.mesh], each.world_from_object
-        if Label.BUSH in _labels(builder, mesh):
+        if not {Label.BUSH, Label.CABLE, Label.WATER}.isdisjoint(_labels(builder, mesh)):
             continue
         low = mesh.vertices[mesh.vertices[:, 2] < mesh.vertices[:, 2].min() + SOLE].astype(np.float64)
         cells.append(np.unique(np.round((low @ pose[:3, :3].T + pose[:3, 3])[:, :2] / FOOT), axis=0) * FOOT)
