@@ -20,7 +20,9 @@ pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RunExample = Callable[..., list[str]]
-SCRIPTS = sorted(EXAMPLES.glob("*.py"))
+BASELINES = {"augmentation", "networks", "segmentation"}
+"""Longer ones, with tests of their own: test_training.py."""
+SCRIPTS = sorted(path for path in EXAMPLES.glob("*.py") if path.stem not in BASELINES)
 
 
 @pytest.fixture
