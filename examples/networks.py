@@ -14,7 +14,7 @@ from torch.nn.functional import interpolate, pad
 
 import fieldtruth as ft
 
-UNET_WIDTHS = (24, 48, 96, 192)
+UNET_WIDTHS = (16, 32, 64, 128, 224)
 RANGE_WIDTHS = (24, 40, 64, 96)
 DECODER_WIDTH = 48
 IMAGE_MEAN, IMAGE_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet, as the encoder's weights expect

@@ -27,7 +27,7 @@ Log = Callable[[str], None]
 
 IGNORED = 255
 CHECKPOINT_S = 60.0
-LINE_S = 10.0
+LINE_S = 30.0
 WARM_UP = 0.1  # share of the budget in which the learning rate rises
 WATCHES = 10  # times that ``watch`` is called in a training
 WEIGHT_DECAY = 1e-4
@@ -293,7 +293,7 @@ def load(path: Path) -> tuple[nn.Module, Settings]:
 
 def _batch(images: NDArray[Any], where: torch.device) -> Tensor:
     """Return (n, c, h, w) float32, of uint8 in 0 to 1."""
-    x = torch.from_numpy(np.ascontiguousarray(images)).to(where).permute(0, 3, 1, 2)
+    x = torch.from_numpy(np.array(images)).to(where).permute(0, 3, 1, 2)
     return x.float() / 255.0 if images.dtype == np.uint8 else x.float()
 
 

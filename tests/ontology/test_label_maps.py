@@ -13,7 +13,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.ontology import LABEL_MAPS, label_map_of
 
 DOCUMENT = (Path(__file__).parents[2] / "docs/labels.md").read_text(encoding="utf-8")
-NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6")
+NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6", "ycor", "offroad")
 
 # RUGD_annotation-colormap.txt
 RUGD = """\
@@ -62,6 +62,18 @@ RELLIS_COLOURS = {1: (108, 64, 20), 27: (41, 121, 255), 31: (134, 255, 239), 33:
 # GANav's tools/convert_datasets/rugd_relabel6.py: the group of RUGD's classes 1 to 24; void is background.
 GANAV_GROUPS = [2, 2, 2, 5, 5, 4, 0, 5, 5, 1, 2, 5, 2, 3, 5, 5, 5, 5, 5, 0, 3, 5, 1, 5]
 GANAV_PALETTE = [(0, 0, 0), (0, 128, 0), (255, 255, 0), (255, 128, 0), (255, 0, 0), (0, 0, 128)]
+
+# The palette of YCOR's labels.png, with the names of its paper
+YCOR = """\
+0 background 255 255 255
+1 smooth trail 178 176 153
+2 traversable grass 128 255 0
+3 rough trail 156 76 30
+4 puddle 255 0 128
+5 obstacle 255 0 0
+6 non-traversable low vegetation 0 160 0
+7 high vegetation 40 80 0
+8 sky 1 88 255"""
 
 
 def hexadecimal(text: str) -> tuple[int, ...]:
@@ -131,6 +143,31 @@ def test_ganav6_matches_the_grouping_of_rugd_by_ganav() -> None:
     groups = np.array([0, *GANAV_GROUPS])
     assert label_map_of("ganav6").ids.tolist() == groups[label_map_of("rugd").ids].tolist()
     assert [other.rgb for _, other in sorted(label_map_of("ganav6").classes.items())] == GANAV_PALETTE
+
+
+def test_ycor_matches_the_palette_of_its_files() -> None:
+    rows = [re.fullmatch(r"(\d) (.*?) (\d+) (\d+) (\d+)", line) for line in YCOR.splitlines()]
+    palette = {int(row[1]): (row[2], tuple(map(int, row.groups()[2:]))) for row in rows if row}
+    assert label_map_of("ycor").classes == palette
+    assert len(palette) == 9
+
+
+def test_offroad_merges_and_never_splits_classes_of_ycor() -> None:
+    coarse, ycor = label_map_of("offroad"), label_map_of("ycor")
+    pairs = {
+        (ycor.classes[a].name, coarse.classes[b].name)
+        for a, b in zip(ycor.ids.tolist(), coarse.ids.tolist(), strict=True)
+    }
+    assert pairs == {
+        ("background", "void"),
+        ("traversable grass", "ground"),
+        ("rough trail", "trail"),
+        ("puddle", "water"),
+        ("obstacle", "obstacle"),
+        ("non-traversable low vegetation", "vegetation"),
+        ("high vegetation", "vegetation"),
+        ("sky", "sky"),
+    }
 
 
 def table(heading: str) -> list[list[str]]:
