@@ -1,0 +1,273 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scores on real frames of networks that were trained on our synthetic ones, on real ones, or on both.
+
+Run: python benchmarks/transfer.py REAL [REAL ...] --checkpoint FILE [--from N] [--to N] [--sheet FILE]
+         [--real-only N ...] [--fine-tune N ...] [--train-from N --train-to N] [--minutes M]
+     python benchmarks/transfer.py statistics FOLDER [FOLDER ...] [--count N]
+
+REAL is a folder in one of the layouts of benchmarks/real_frames.py. ``--from`` and ``--to`` select the pairs that are
+scored, ``--train-from`` and ``--train-to`` those of the first REAL that ``--real-only`` and ``--fine-tune`` train on:
+N of them, or all. Both are blocks of consecutive pairs, because neighbours of a drive show the same scene.
+``statistics`` prints figures of labelled images, real ones or runs of ours. Docs: docs/baselines.md.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from real_frames import IGNORED, IMAGE_CLASSES, LAYOUTS, MERGED_IMAGE, Frames, frames_of, of_names
+
+from fieldtruth.core.errors import ConfigurationError
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+
+OTHER: Final = len(IMAGE_CLASSES)  # index of what a network predicts that no real frame is labelled with
+FIRST_RATE, FINE_RATE = 3e-3, 1e-3  # learning rates of a first training and of one that goes on
+DEFAULT_SIZE: Final = (256, 480)  # height and width without a checkpoint
+TILE: Final = 384  # [pixel] width of an image on the sheet
+COLOURS: Final = np.array(
+    [(1, 88, 255), (178, 176, 153), (128, 255, 0), (40, 80, 0), (255, 0, 0), (255, 0, 255)], np.uint8
+)
+
+
+class Row(NamedTuple):
+    """A row of the table: pixels by true and predicted class of a network on some frames."""
+
+    network: str
+    frames: str
+    matrix: NDArray[np.int64]
+    """(6, 6) of ``IMAGE_CLASSES`` and others, rows are true."""
+    is_merged: bool
+
+    def figures(self) -> dict[str, float]:
+        """Compute the intersection over union of each class and its means, and the share of pixels that are right."""
+        from segmentation import iou
+
+        of_merged = iou(merged(self.matrix, MERGED_IMAGE))[:-1]
+        right = dict(zip(IMAGE_CLASSES, iou(self.matrix), strict=False))
+        if self.is_merged:
+            right = dict.fromkeys(IMAGE_CLASSES, float("nan"))
+        found = {name: float(value) for name, value in right.items()}
+        found |= {"mean": _mean(list(right.values())), "mean of 3": _mean(list(of_merged))}
+        return found | {"pixels": float(np.trace(self.matrix) / max(self.matrix.sum(), 1))}
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def merged(matrix: NDArray[np.int64], groups: Mapping[str, Sequence[str]]) -> NDArray[np.int64]:
+    """Return a confusion of groups of classes and others; pixels whose true class is in no group do not count."""
+    classes = list(IMAGE_CLASSES)
+    group = np.full(len(matrix), len(groups))
+    for k, names in enumerate(groups.values()):
+        group[[classes.index(name) for name in names]] = k
+    found = np.zeros((len(groups) + 1, len(groups) + 1), np.int64)
+    np.add.at(found, (group[:, None], group[None, :]), matrix)
+    found[-1] = 0
+    return found
+
+
+def predicted(network: Any, settings: Any, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the class (h, w) of ``IMAGE_CLASSES``, or ``OTHER``, of each pixel of an image."""
+    from segmentation import predict
+
+    height, width = image.shape[:2]
+    shares = predict(network, resized(image, settings.width)[None])[0]
+    of = of_names(settings.classes)
+    sums = np.stack([shares[of == k].sum(axis=0) for k in (*range(OTHER), IGNORED)], axis=-1)
+    return np.asarray(cv2.resize(sums, (width, height)).argmax(axis=-1), np.uint8)
+
+
+def resized(image: NDArray[np.uint8], width: int, height: int | None = None) -> NDArray[np.uint8]:
+    """Make an image, or a mask, ``width`` pixels wide; it keeps its shape unless ``height`` is given."""
+    size = width, height or round(width / image.shape[1] * image.shape[0])
+    method = cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_AREA
+    return np.asarray(cv2.resize(image, size, interpolation=method), np.uint8)
+
+
+def score(network: Any, settings: Any, frames: Frames) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Count pixels by true and predicted class, (6, 6), and the share of right ones of each frame."""
+    from segmentation import confusion
+
+    each = []
+    for k in range(len(frames)):
+        image, truth = frames[k]
+        each.append(confusion(truth, predicted(network, settings, image), OTHER + 1))
+    right = [np.trace(matrix) / max(matrix.sum(), 1) for matrix in each]
+    return np.sum(each, axis=0), np.array(right)
+
+
+def training_set(frames: Frames, settings: Any) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Read images (n, h, w, 3) and masks (n, h, w) of a network's classes, as wide as those that it was made for."""
+    of = list(of_names(settings.classes))
+    index = np.full(256, IGNORED, np.uint8)
+    index[: len(IMAGE_CLASSES)] = [of.index(k) if k in of else IGNORED for k in range(len(IMAGE_CLASSES))]
+    images, masks = list[NDArray[np.uint8]](), list[NDArray[np.uint8]]()
+    for k in range(len(frames)):
+        image, mask = frames[k]
+        images.append(resized(image, settings.width, images[0].shape[0] if images else None))
+        masks.append(index[resized(mask, settings.width, len(images[0]))])
+    return np.stack(images), np.stack(masks)
+
+
+def trained(options: argparse.Namespace, count: str, *, goes_on: bool) -> tuple[Any, Any, int]:
+    """Train a network on real pairs, from the checkpoint or from the start; return its settings and the pairs, too."""
+    from augmentation import photos
+    from segmentation import Settings, fit, load, make_network
+
+    if options.checkpoint:
+        network, settings = load(options.checkpoint)
+    else:
+        settings = Settings(IMAGE_CLASSES, *DEFAULT_SIZE)
+    if not goes_on:
+        network = make_network(settings)
+    block = frames_of(options.real[0], options.layout).between(options.train_from, options.train_to)
+    chosen = block if count == "all" else block.spread(int(count))
+    images, masks = training_set(chosen, settings)
+    budget: dict[str, Any] = {"steps": options.steps} if options.steps else {"minutes": options.minutes}
+    rate = FINE_RATE if goes_on else FIRST_RATE
+    fit(network, settings, images, masks, augment=photos, learning_rate=rate, **budget)
+    return network, settings, len(chosen)
+
+
+def networks(options: argparse.Namespace) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the networks that are asked for, with their names and settings."""
+    from segmentation import load
+
+    if options.checkpoint:
+        yield "synthetic", *load(options.checkpoint)
+    for count in options.real_only:
+        network, settings, pairs = trained(options, count, goes_on=False)
+        yield f"real, {pairs} pairs", network, settings
+    for count in options.fine_tune:
+        network, settings, pairs = trained(options, count, goes_on=True)
+        yield f"synthetic, then real, {pairs} pairs", network, settings
+
+
+def rows_of(options: argparse.Namespace) -> Iterator[Row]:
+    """Score each network on each folder; write the sheet of the first on the first."""
+    folders = [frames_of(folder, options.layout).between(options.start, options.end) for folder in options.real]
+    for k, (name, network, settings) in enumerate(networks(options)):
+        for folder, frames in zip(options.real, folders, strict=True):
+            matrix, right = score(network, settings, frames)
+            if options.sheet and k == 0 and folder == options.real[0]:
+                worst = [int(n) for n in np.argsort(right)[: options.worst]]
+                write_sheet(options.sheet, frames, worst, [predicted(network, settings, frames[n][0]) for n in worst])
+            numbers = f"{frames.pairs[0].number} to {frames.pairs[-1].number}"
+            yield Row(name, f"{frames.layout.name} {numbers} ({len(frames)})", matrix, frames.layout.is_merged)
+
+
+def write_sheet(path: Path, frames: Frames, chosen: Sequence[int], masks: Sequence[NDArray[np.uint8]]) -> None:
+    """Write a picture with a row for each chosen frame: its number and image, its truth, and a prediction."""
+    colours = np.zeros((256, 3), np.uint8)
+    colours[: len(COLOURS)] = COLOURS
+    rows = []
+    for n, mask in zip(chosen, masks, strict=True):
+        image, truth = frames[n]
+        tile = resized(image, TILE)
+        cv2.putText(tile, str(frames.pairs[n].number), (6, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (255, 0, 255), 2)
+        height = len(tile)
+        tiles = [tile, *(colours[resized(each, TILE, height)] for each in (truth, mask))]
+        rows.append(np.hstack(tiles))
+    if not cv2.imwrite(str(path), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR)):
+        raise ConfigurationError(f"{path} cannot be written")
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Markdown table of intersections over union [%]."""
+    names = list(rows[0].figures())
+    lines = ["| network | frames | " + " | ".join(names) + " |", "|---|---|" + "---:|" * len(names)]
+    for row in rows:
+        cells = ["-" if np.isnan(value) else f"{100.0 * value:.1f}" for value in row.figures().values()]
+        lines.append(f"| {row.network} | {row.frames} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table; a user's mistake is one line and exit code 2."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if given[:1] == ["statistics"]:
+            _statistics(given[1:])
+        else:
+            _scores(given)
+    except ConfigurationError as error:
+        print(f"transfer.py: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+
+
+def _scores(given: Sequence[str]) -> None:
+    options = _parser().parse_args(given)
+    if not (options.checkpoint or options.real_only):
+        raise ConfigurationError("--checkpoint or --real-only is needed: there is no network to score")
+    if options.fine_tune and not options.checkpoint:
+        raise ConfigurationError("--fine-tune needs --checkpoint, from which it goes on")
+    if options.real_only or options.fine_tune:
+        _check_blocks(options)
+    rows = list(rows_of(options))
+    print(table(rows))
+    if options.json:
+        found = [row._asdict() | {"matrix": row.matrix.tolist(), "figures": row.figures()} for row in rows]
+        options.json.write_text(json.dumps(found, indent=1) + "\n")
+
+
+def _check_blocks(options: argparse.Namespace) -> None:
+    """Check the block to train on.
+
+    Raises:
+        ConfigurationError: it is missing, or has pairs that are scored.
+    """
+    if options.train_to is None:
+        raise ConfigurationError("--real-only and --fine-tune need --train-from and --train-to, the pairs to train on")
+    if options.train_from < options.end and options.start < options.train_to:
+        text = f"{options.train_from} to {options.train_to} and {options.start} to {options.end} overlap"
+        raise ConfigurationError(f"pairs to train on and pairs to score must be apart: {text}")
+
+
+def _statistics(given: Sequence[str]) -> None:
+    from scene_statistics import images_of, statistics, table
+
+    parser = argparse.ArgumentParser(prog="transfer.py statistics", description=images_of.__doc__)
+    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="runs of ours, or real pairs")
+    parser.add_argument("--count", type=int, default=200, help="images of each folder, evenly spaced")
+    options = parser.parse_args(given)
+    print(table({folder.name: statistics(images_of(folder), options.count) for folder in options.folders}))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="transfer.py", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("real", nargs="+", type=Path, metavar="REAL", help="folder of real pairs")
+    names = ", ".join(layout.name for layout in LAYOUTS if not layout.is_cloud)
+    parser.add_argument("--layout", default="", help=f"{names}; by default the first that has pairs there")
+    parser.add_argument("--from", dest="start", type=int, default=0, help="number of the first pair that is scored")
+    parser.add_argument("--to", dest="end", type=int, default=sys.maxsize, help="number after the last one")
+    parser.add_argument("--checkpoint", type=Path, help="network trained by examples/train_images.py")
+    parser.add_argument("--real-only", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
+    parser.add_argument("--fine-tune", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
+    parser.add_argument("--train-from", type=int, default=0, help="number of the first pair to train on")
+    parser.add_argument("--train-to", type=int, help="number after the last one")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of each training")
+    parser.add_argument("--steps", type=int, help="of each training, in place of minutes")
+    parser.add_argument("--sheet", type=Path, help="picture of the worst frames: image, truth, prediction")
+    parser.add_argument("--worst", type=int, default=8, help="frames on the sheet")
+    parser.add_argument("--json", type=Path, help="file for figures and confusions")
+    return parser
+
+
+def _count(text: str) -> str:
+    if text != "all" and not (text.isdigit() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"must be a number of pairs, at least 1, or all; got {text!r}")
+    return text
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Scores on real frames and figures of scenes, on images whose answers are known beforehand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import transfer
+from PIL import Image
+from real_frames import IGNORED, IMAGE_CLASSES, MERGED_IMAGE, frames_of
+from scene_statistics import WIDTH, figures, hue_and_saturation, images_of, statistics, table
+
+SKY, TRAIL, GRASS, VEGETATION, OBSTACLE = range(5)
+BLUE, SOIL, GREEN = (1, 88, 255), (156, 76, 30), (128, 255, 0)  # labels of sky, rough trail, traversable grass
+
+
+def write_pairs(folder: Path, count: int = 4) -> None:
+    """Pairs of YCOR's layout, numbered 0, 10, 20, ...: bright sky above dark trail, and grass at the left."""
+    for k in range(count):
+        labels = np.full((32, 64, 3), SOIL, np.uint8)
+        labels[:, :16], labels[:12] = GREEN, BLUE
+        photo = np.where(labels == BLUE, 230, 60).astype(np.uint8)
+        photo[12:, :16] = 30, 120, 30
+        place = folder / f"{10 * k:04d}"
+        place.mkdir(parents=True)
+        Image.fromarray(photo).save(place / "rgb.jpg", quality=95)
+        Image.fromarray(labels).save(place / "labels.png")
+
+
+def test_merged_classes() -> None:
+    matrix = np.zeros((6, 6), np.int64)
+    matrix[SKY, SKY] = 10
+    matrix[TRAIL, GRASS], matrix[GRASS, GRASS], matrix[GRASS, OBSTACLE] = 4, 5, 1
+    matrix[VEGETATION, VEGETATION], matrix[VEGETATION, TRAIL] = 7, 2
+    matrix[OBSTACLE, SKY] = 100  # true obstacles are none of the three
+    assert transfer.merged(matrix, MERGED_IMAGE).tolist() == [[10, 0, 0, 0], [0, 9, 0, 1], [0, 2, 7, 0], [0, 0, 0, 0]]
+
+
+def test_figures_of_a_row() -> None:
+    pytest.importorskip("torch")
+    matrix = np.zeros((6, 6), np.int64)
+    matrix[SKY, SKY], matrix[TRAIL, TRAIL], matrix[TRAIL, GRASS], matrix[TRAIL, 5] = 6, 1, 2, 1
+    found = transfer.Row("a", "b", matrix, False).figures()
+    assert found["sky"] == 1.0
+    assert found["trail"] == pytest.approx(1 / 4)
+    assert found["mean"] == pytest.approx((1 + 1 / 4) / 2)  # classes without a true pixel do not count
+    assert found["mean of 3"] == pytest.approx((1 + 3 / 4) / 2)
+    assert found["pixels"] == pytest.approx(7 / 10)
+    of_merged = transfer.Row("a", "b", matrix, True).figures()
+    assert np.isnan(of_merged["sky"])
+    assert np.isnan(of_merged["mean"])
+    assert of_merged["mean of 3"] == found["mean of 3"]
+
+
+def test_network_of_other_classes_is_scored_in_ours(tmp_path: Path) -> None:
+    """Trunks and treetops are vegetation together, although neither is the most probable; water is another class."""
+    segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    settings = segmentation.Settings(("ground", "trunk", "treetop", "water"), 32, 64)
+    shares = np.array([[0.4, 0.3, 0.3, 0.0], [0.1, 0.2, 0.2, 0.5]]).T.reshape(1, 4, 1, 2)
+    tall = np.repeat(np.repeat(shares, 16, axis=2), 16, axis=3).astype(np.float32)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(segmentation, "predict", lambda network, images: tall)
+        mask = transfer.predicted(None, settings, np.zeros((16, 32, 3), np.uint8))
+    assert (mask[:, :12] == VEGETATION).all()
+    assert (mask[:, 20:] == transfer.OTHER).all()
+
+
+def test_training_set_has_the_classes_of_the_network(tmp_path: Path) -> None:
+    segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    write_pairs(tmp_path, 1)
+    settings = segmentation.Settings(("trail", "sky", "vegetation"), 16, 32)
+    images, masks = transfer.training_set(frames_of(tmp_path), settings)
+    assert images.shape == (1, 16, 32, 3)
+    assert masks[0, 0, 0] == 1
+    assert masks[0, -1, -1] == 0
+    assert masks[0, -1, 0] == IGNORED  # grass, which the network does not have
+
+
+def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Three classes of plain colours are learnt in few steps, and pairs to train on are none that are scored."""
+    segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    write_pairs(tmp_path / "ycor")
+    settings = segmentation.Settings(IMAGE_CLASSES, 32, 64)
+    segmentation.save(tmp_path / "first.pt", segmentation.make_network(settings), settings)
+    arguments = [str(tmp_path / "ycor"), "--checkpoint", str(tmp_path / "first.pt"), "--from", "20", "--steps", "40"]
+    arguments += ["--train-to", "20", "--real-only", "1", "all", "--fine-tune", "all"]
+    arguments += ["--sheet", str(tmp_path / "sheet.png"), "--worst", "1", "--json", str(tmp_path / "figures.json")]
+    transfer.main(arguments)
+    assert "| synthetic | ycor 20 to 30 (2) |" in capsys.readouterr().out
+    first, one, both, fine = json.loads((tmp_path / "figures.json").read_text())
+    assert [row["network"] for row in (one, both, fine)] == [
+        "real, 1 pairs",
+        "real, 2 pairs",
+        "synthetic, then real, 2 pairs",
+    ]
+    assert np.sum(first["matrix"]) == 2 * 32 * 64
+    assert both["figures"]["pixels"] > max(0.8, first["figures"]["pixels"])
+    assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "there is no network to score"),
+        (["--checkpoint", "missing.pt"], "missing.pt"),
+        (["--fine-tune", "10"], "there is no network to score"),
+        (["--real-only", "3", "--fine-tune", "3"], "--fine-tune needs --checkpoint"),
+        (["--real-only", "3"], "need --train-from and --train-to"),
+        (["--real-only", "3", "--train-to", "20", "--from", "10"], "0 to 20 and 10 to"),
+        (["--real-only", "3", "--train-to", "20", "--from", "20"], "3 pairs are asked for; there are 2"),
+        (["--real-only", "none"], "at least 1, or all; got 'none'"),
+        (["--checkpoint", "a", "--from", "50"], "no pairs from 50"),
+        (["--checkpoint", "a", "--layout", "kitti"], "layout 'kitti' is none of ycor"),
+    ],
+)
+def test_mistakes_are_a_line(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("segmentation", exc_type=ImportError)
+    write_pairs(tmp_path)
+    with pytest.raises(SystemExit) as stopped:
+        transfer.main([str(tmp_path), *arguments])
+    assert stopped.value.code == 2
+    assert message in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_figures_of_a_scene() -> None:
+    """Sky over the upper 3/8; below it trail at the right 3/4 and grass at the left; a pole of vegetation before it."""
+    mask = np.full((256, WIDTH), TRAIL, np.uint8)
+    mask[:, : WIDTH // 4] = GRASS
+    mask[:96] = SKY
+    mask[64:128, WIDTH // 2 - 64 : WIDTH // 2 + 64] = VEGETATION
+    mask[-64:, -WIDTH // 4 :] = IGNORED
+    image = np.full((256, WIDTH, 3), 100, np.uint8)
+    image[mask == TRAIL] = 120, 90, 60
+    image[mask == TRAIL] += (np.indices(mask.shape)[1][mask == TRAIL, None] % 2 * 10).astype(np.uint8)
+    image[:32] = 255
+    found = figures(image, mask)
+    known = (mask != IGNORED).sum()
+    assert found["without a class [%]"] == pytest.approx(100 * 64 / 256 / 4)
+    assert found["vegetation [%]"] == pytest.approx(100 * 64 * 128 / known)
+    assert found["row where the sky ends [% of height]"] == pytest.approx(37.5)
+    assert found["row where the ground begins [% of height]"] == pytest.approx(37.5)
+    assert found["vegetation in the middle columns [%]"] == pytest.approx(25.0)
+    assert found["trail in the lowest rows [%]"] == pytest.approx(50.0)
+    assert found["borders of classes per row"] == pytest.approx((32 * 2 + 32 * 3 + 128 * 1) / 256)
+    assert found["clipped to white [%]"] == pytest.approx(12.5)
+    assert [found[f"trail: {name}"] for name in ("red", "green", "blue")] == pytest.approx([125, 95, 65], abs=0.5)
+    assert found["trail: contrast of neighbours [%]"] == pytest.approx(1000 / 255, rel=0.02)
+    assert np.isnan(found["obstacle: red"])
+
+
+def test_hue_of_reds_and_browns_is_continuous() -> None:
+    assert hue_and_saturation(np.array([200.0, 100.0, 100.0])) == pytest.approx((0.0, 0.5), abs=1e-3)
+    assert hue_and_saturation(np.array([200.0, 100.0, 101.0]))[0] == pytest.approx(-0.6, abs=0.01)
+    assert hue_and_saturation(np.array([0.0, 100.0, 0.0]))[0] == pytest.approx(120.0, abs=1e-3)
+
+
+def test_statistics_of_pairs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_pairs(tmp_path / "ycor")
+    found = statistics(images_of(tmp_path / "ycor"), 2)
+    assert found["sky [%]"] == pytest.approx([37.5] * 4, abs=0.1)
+    assert np.isnan(found["obstacle: red"]).all()
+    assert "| obstacle: red | none |" in table({"ycor": found})
+    transfer.main(["statistics", str(tmp_path / "ycor"), "--count", "2"])
+    assert "| sky [%] | 37.5 (37.5, 37.5, 37.5) |" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as stopped:
+        transfer.main(["statistics", str(tmp_path / "missing")])
+    assert stopped.value.code == 2
