@@ -36,8 +36,8 @@ _IN_IMAGES: Final = {
     "sky": "sky",
     "trail": "trail dirt sand mud gravel mulch asphalt concrete rock-bed puddle cobble soil bikeway sidewalk"
     " road_marking pedestrian_crossing rough_trail smooth_trail",
-    "grass": "ground grass high_grass low_grass leaves moss crops other-terrain traversable_grass traversable",
-    "vegetation": "tree treetop trunk bush forest tree_crown tree_trunk tree_root hedge scenery_vegetation"
+    "grass": "ground grass low_grass leaves moss crops other-terrain traversable_grass traversable",
+    "vegetation": "high_grass tree treetop trunk bush forest tree_crown tree_trunk tree_root hedge scenery_vegetation"
     " tree-trunk tree-foliage high_vegetation low_vegetation non-traversable",
     "obstacle": "rock rubble log debris pole post lamp_post street_light trash_bin table bench picnic-table cable wire"
     " object container/generic-object other-object obstacle container barrel pipe vehicle car truck bus trailer caravan"
@@ -47,7 +47,7 @@ _IN_IMAGES: Final = {
 }
 """Names of classes of all data sets and ours, by the class that they are here. Others, as water, are ignored."""
 _IN_CLOUDS: Final = {
-    "ground": f"{_IN_IMAGES['trail']} {_IN_IMAGES['grass']} road parking other-ground lane-marking terrain",
+    "ground": f"{_IN_IMAGES['trail']} {_IN_IMAGES['grass']} high_grass road parking other-ground lane-marking terrain",
     "bush": "bush hedge scenery_vegetation",
     "tree": "tree treetop trunk forest tree_crown tree_trunk vegetation",
 }
@@ -125,7 +125,7 @@ def _coarse(name: str, groups: Mapping[str, str]) -> int:
 
 
 def of_names(names: Sequence[str], *, clouds: bool = False) -> NDArray[np.uint8]:
-    """Return the class here by the index of a name, ``IGNORED`` where there is none."""
+    """Return the class here by the index of a name, ``IGNORED`` of a name that no class here has."""
     keys = [as_key(name) for name in names]
     groups = _IN_CLOUDS if clouds else _IN_IMAGES
     return np.array([list(groups).index(key) if key in groups else _coarse(key, groups) for key in keys], np.uint8)
@@ -262,7 +262,7 @@ class Frames:
         """Return the pairs with numbers from ``start`` to below ``end``.
 
         Raises:
-            ConfigurationError: there are none.
+            ConfigurationError: no pair has such a number.
         """
         kept = [pair for pair in self.pairs if start <= pair.number < end]
         if not kept:
@@ -294,11 +294,11 @@ def frames_of(folder: Path, layout: str = "", *, clouds: bool = False) -> Frames
         ConfigurationError: no such folder or layout, or no pairs.
     """
     if not folder.is_dir():
-        raise ConfigurationError(f"{folder} is no folder")
+        raise ConfigurationError(f"{folder} is not a folder")
     named = [each for each in LAYOUTS if each.is_cloud == clouds and layout in ("", each.name)]
     if not named:
         allowed = ", ".join(each.name for each in LAYOUTS if each.is_cloud == clouds)
-        raise ConfigurationError(f"layout {layout!r} is none of {allowed}")
+        raise ConfigurationError(f"layout {layout!r} must be one of {allowed}")
     for each in named:
         if pairs := _pairs(folder, each):
             return Frames(each, pairs)

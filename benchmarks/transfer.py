@@ -82,9 +82,15 @@ def predicted(network: Any, settings: Any, image: NDArray[np.uint8]) -> NDArray[
 
     height, width = image.shape[:2]
     shares = predict(network, resized(image, settings.width)[None])[0]
-    of = of_names(settings.classes)
+    of = _of_network(settings)
     sums = np.stack([shares[of == k].sum(axis=0) for k in (*range(OTHER), IGNORED)], axis=-1)
     return np.asarray(cv2.resize(sums, (width, height)).argmax(axis=-1), np.uint8)
+
+
+def _of_network(settings: Any) -> NDArray[np.uint8]:
+    """Class of ``IMAGE_CLASSES`` by a network's; its water is trail, because real frames' puddles are."""
+    of = of_names(settings.classes)
+    return np.where(np.array(settings.classes) == "water", np.uint8(IMAGE_CLASSES.index("trail")), of)
 
 
 def resized(image: NDArray[np.uint8], width: int, height: int | None = None) -> NDArray[np.uint8]:
@@ -108,7 +114,7 @@ def score(network: Any, settings: Any, frames: Frames) -> tuple[NDArray[np.int64
 
 def training_set(frames: Frames, settings: Any) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Read images (n, h, w, 3) and masks (n, h, w) of a network's classes, as wide as those that it was made for."""
-    of = list(of_names(settings.classes))
+    of = list(_of_network(settings))
     index = np.full(256, IGNORED, np.uint8)
     index[: len(IMAGE_CLASSES)] = [of.index(k) if k in of else IGNORED for k in range(len(IMAGE_CLASSES))]
     images, masks = list[NDArray[np.uint8]](), list[NDArray[np.uint8]]()

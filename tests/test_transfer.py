@@ -34,7 +34,7 @@ def test_merged_classes() -> None:
     matrix[SKY, SKY] = 10
     matrix[TRAIL, GRASS], matrix[GRASS, GRASS], matrix[GRASS, OBSTACLE] = 4, 5, 1
     matrix[VEGETATION, VEGETATION], matrix[VEGETATION, TRAIL] = 7, 2
-    matrix[OBSTACLE, SKY] = 100  # true obstacles are none of the three
+    matrix[OBSTACLE, SKY] = 100  # true obstacles do not count
     assert transfer.merged(matrix, MERGED_IMAGE).tolist() == [[10, 0, 0, 0], [0, 9, 0, 1], [0, 2, 7, 0], [0, 0, 0, 0]]
 
 
@@ -55,9 +55,9 @@ def test_figures_of_a_row() -> None:
 
 
 def test_network_of_other_classes_is_scored_in_ours(tmp_path: Path) -> None:
-    """Trunks and treetops are vegetation together, although neither is the most probable; water is another class."""
+    """Trunks and treetops are vegetation together, although neither is the most probable; robots are another class."""
     segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
-    settings = segmentation.Settings(("ground", "trunk", "treetop", "water"), 32, 64)
+    settings = segmentation.Settings(("ground", "trunk", "treetop", "robot"), 32, 64)
     shares = np.array([[0.4, 0.3, 0.3, 0.0], [0.1, 0.2, 0.2, 0.5]]).T.reshape(1, 4, 1, 2)
     tall = np.repeat(np.repeat(shares, 16, axis=2), 16, axis=3).astype(np.float32)
     with pytest.MonkeyPatch.context() as patch:
@@ -79,24 +79,21 @@ def test_training_set_has_the_classes_of_the_network(tmp_path: Path) -> None:
 
 
 def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Three classes of plain colours are learnt in few steps, and pairs to train on are none that are scored."""
+    """Three classes of plain colours are learnt in few steps, and no pair that is scored is trained on."""
     segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    segmentation.torch.set_num_threads(1)  # networks this small are slower on more, above all where others compute
     write_pairs(tmp_path / "ycor")
     settings = segmentation.Settings(IMAGE_CLASSES, 32, 64)
     segmentation.save(tmp_path / "first.pt", segmentation.make_network(settings), settings)
-    arguments = [str(tmp_path / "ycor"), "--checkpoint", str(tmp_path / "first.pt"), "--from", "20", "--steps", "40"]
-    arguments += ["--train-to", "20", "--real-only", "1", "all", "--fine-tune", "all"]
+    arguments = [str(tmp_path / "ycor"), "--checkpoint", str(tmp_path / "first.pt"), "--from", "20", "--steps", "30"]
+    arguments += ["--train-to", "20", "--real-only", "all", "--fine-tune", "1"]
     arguments += ["--sheet", str(tmp_path / "sheet.png"), "--worst", "1", "--json", str(tmp_path / "figures.json")]
     transfer.main(arguments)
     assert "| synthetic | ycor 20 to 30 (2) |" in capsys.readouterr().out
-    first, one, both, fine = json.loads((tmp_path / "figures.json").read_text())
-    assert [row["network"] for row in (one, both, fine)] == [
-        "real, 1 pairs",
-        "real, 2 pairs",
-        "synthetic, then real, 2 pairs",
-    ]
+    first, real, both = json.loads((tmp_path / "figures.json").read_text())
+    assert (real["network"], both["network"]) == ("real, 2 pairs", "synthetic, then real, 1 pairs")
     assert np.sum(first["matrix"]) == 2 * 32 * 64
-    assert both["figures"]["pixels"] > max(0.8, first["figures"]["pixels"])
+    assert real["figures"]["pixels"] > max(0.8, first["figures"]["pixels"])
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
 
 
@@ -112,7 +109,7 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
         (["--real-only", "3", "--train-to", "20", "--from", "20"], "3 pairs are asked for; there are 2"),
         (["--real-only", "none"], "at least 1, or all; got 'none'"),
         (["--checkpoint", "a", "--from", "50"], "no pairs from 50"),
-        (["--checkpoint", "a", "--layout", "kitti"], "layout 'kitti' is none of ycor"),
+        (["--checkpoint", "a", "--layout", "kitti"], "layout 'kitti' must be one of ycor"),
     ],
 )
 def test_mistakes_are_a_line(
