@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from report_pages import Page
 
 _LEAN_NS: Final = 520_000_000
+_LONG: Final = ("test_annotate.py", "test_crowns.py", "test_eight_drives.py")
+"""Files that take long although they have many tests: last, one of them would keep one worker while the other waits."""
 Once = Callable[[str, Callable[[Path], object]], Path]
 
 
@@ -46,7 +48,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     tests = Counter(item.path for item in items)
     of_run = {item.path for item in items if "small_run" in getattr(item, "fixturenames", ())}
-    items.sort(key=lambda item: (item.path not in of_run, item.path.name != "test_annotate.py", tests[item.path]))
+    items.sort(key=lambda item: (item.path not in of_run, item.path.name not in _LONG, tests[item.path]))
 
 
 @pytest.fixture(scope="session")
