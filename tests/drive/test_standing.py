@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Poses of frames: on free ground, evenly spread, at rest on the ground before they are tilted and raised."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,13 +10,13 @@ import pytest
 from drive_worlds import hills, make_experiment, make_world, obstacle, tilted
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import RouteError
+from fieldtruth.core.errors import FieldtruthWarning, RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.plan import standing_robot
+from fieldtruth.drive.standing import standing_robot, trail_headings
 from fieldtruth.drive.track import Motion
 from fieldtruth.drive.traversability import distance_to, obstacle_outlines
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.world.model import World
+from fieldtruth.world.model import Raster, World
 
 HEIGHT = 0.13228  # of base_link on level ground
 RADIUS = np.hypot(0.99, 0.67) / 2  # of the robot
@@ -105,3 +106,50 @@ def test_poses_in_a_world_of_many_parts_are_those_in_the_whole(monkeypatch: pyte
     monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 15.0)
     in_parts = standing(world, count=8)
     np.testing.assert_allclose(in_parts.position, whole.position, rtol=0.0, atol=1e-6)  # heights have 32 bits
+
+
+def with_trail(world: World, distance: Any) -> World:
+    """World with a trail; ``distance`` [m] to its edge at x, y is below 0 on it."""
+    x, y = np.linspace(-25, 25, 501), np.linspace(-15, 15, 301)
+    values = distance(*np.meshgrid(x, y, indexing="ij")).astype(np.float32)
+    raster = Raster(values=values, spacing=0.1, x0=-25.0, y0=-15.0)
+    return replace(world, terrain=replace(world.terrain, trail_distance=raster))
+
+
+def test_along_a_trail_the_robot_stands_on_it_and_looks_along_it_both_ways(flat_world: World) -> None:
+    """A straight trail, 3 m wide, at an angle of 25 deg, with an edge that is ragged by 0.3 m."""
+    turn = np.radians(25.0)
+
+    def beside(x: Array, y: Array) -> Array:
+        return -np.sin(turn) * x + np.cos(turn) * y
+
+    world = with_trail(flat_world, lambda x, y: np.abs(beside(x, y)) - 1.5 + 0.3 * np.sin(7.0 * x))
+    motion = standing(world, along="trail", turn_deg=10)
+    x, y, _ = motion.position.T
+    assert np.abs(beside(x, y)).max() < 1.8
+    assert np.ptp(np.cos(turn) * x + np.sin(turn) * y) > 25.0
+    heading, _, _ = angles(motion)
+    off = np.degrees((heading - turn + np.pi / 2) % np.pi - np.pi / 2)
+    assert 9.0 < np.abs(off).max() < 14.0  # 10 and what the ragged edge does to the direction
+    assert abs(off.mean()) < 2.0
+    assert 0.4 < (np.cos(heading - turn) > 0).mean() < 0.6
+    few = standing(world, along="trail", turn_deg=10, count=7)
+    np.testing.assert_array_equal(motion.quaternion_wxyz[:7], few.quaternion_wxyz)
+
+
+def test_the_direction_of_a_round_trail_is_its_tangent() -> None:
+    x, y = np.linspace(-15, 15, 301), np.linspace(-15, 15, 301)
+    rings = np.abs(np.hypot(*np.meshgrid(x, y, indexing="ij")) - 10.0) - 1.0
+    raster = Raster(values=rings.astype(np.float32), spacing=0.1, x0=-15.0, y0=-15.0)
+    for bearing in np.radians([0.0, 20.0, 45.0, 90.0, 130.0, 179.0, 250.0]):
+        for radius in (9.4, 10.0, 10.6):
+            point = radius * np.array([[np.cos(bearing), np.sin(bearing)]])
+            off = (trail_headings(raster, point)[0] - (bearing + np.pi / 2) + np.pi / 2) % np.pi - np.pi / 2
+            assert abs(off) < np.radians(1.0)
+
+
+def test_in_a_world_without_a_trail_they_are_anywhere_with_a_warning(flat_world: World) -> None:
+    with pytest.warns(FieldtruthWarning, match=r"^frames.along: test has no trail, so its frames are anywhere"):
+        motion = standing(flat_world, along="trail")
+    np.testing.assert_array_equal(motion.position[:, :2], standing(flat_world).position[:, :2])
+    assert abs(np.exp(1j * angles(motion)[0]).mean()) < 0.15

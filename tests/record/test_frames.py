@@ -15,7 +15,7 @@ from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets import RunDataset
 from fieldtruth.degradation import degrade
-from fieldtruth.drive.plan import standing_robot
+from fieldtruth.drive.standing import standing_robot
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns as YAML files: recognise, load, check, override, and write the effective one.
+"""Campaigns as YAML files, those of the package among them: recognise, load, check, override, write the effective one.
 
 A campaign is checked before it starts: names, both ends of every distribution against what experiments allow, and
 whether the folder holds another campaign.
@@ -17,6 +17,7 @@ from fieldtruth.campaign.config import BUILT_IN, ROUTES, Campaign, Integers, Tre
 from fieldtruth.campaign.draw import PlannedRun, changed_values, draw
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputError, UnknownNameError
 from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
+from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import Chosen, is_environment_file, with_paths
@@ -33,6 +34,10 @@ ALL: Final = "all"
 """Name of the campaign of the paper's experiments and of added ones."""
 EVERY: Final = "every"
 """Name of the campaign of every experiment."""
+CAMPAIGNS: Final[Registry[str]] = Registry(
+    "campaign", "campaigns", ".yaml", lambda _, given: read_text(Path(given)), Path(__file__).parent / "builtin"
+)
+"""Files of campaigns by name: the standard training sets, and those in folders ``campaigns`` of FIELDTRUTH_PATH."""
 CAMPAIGN: Final = "campaign.yaml"
 """The effective campaign in the folder of its runs."""
 HEADER: Final = """\
@@ -44,11 +49,13 @@ _OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model
 
 
 def is_campaign(name_or_path: str) -> bool:
-    """Return whether this is the campaign "all" or "every", or a YAML file with a key that only campaigns have."""
-    if name_or_path in (ALL, EVERY):
+    """Return whether this is the name of a campaign, or a YAML file with a key that only campaigns have."""
+    if name_or_path in EXPERIMENTS:
+        return False
+    if name_or_path in (ALL, EVERY, *CAMPAIGNS):
         return True
     path = Path(name_or_path)
-    if name_or_path in EXPERIMENTS or not path.is_file():
+    if not path.is_file():
         return False
     try:
         return not _OWN_KEYS.isdisjoint(parse_mapping(read_text(path), name_or_path))
@@ -57,7 +64,7 @@ def is_campaign(name_or_path: str) -> bool:
 
 
 def load_campaign(name_or_path: str | Path) -> Campaign:
-    """Load a campaign from a YAML file, or a built-in one, ``all`` or ``every``.
+    """Load a campaign from a YAML file, or one with a name: ``all``, ``every``, or one of ``CAMPAIGNS``.
 
     Paths of experiments, environments, track files and URDFs may be relative to the file.
 
@@ -68,10 +75,11 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     if str(name_or_path) in (ALL, EVERY):
         every = str(name_or_path) == EVERY
         experiments = tuple(load_experiment(name) for name in campaign_experiments(every=every))
-        text = f"the built-in experiments{' of every environment' if every else ''}"
-        return Campaign(name=str(name_or_path), description=text, experiments=experiments)
+        what = f"the built-in experiments{' of every environment' if every else ''}"
+        return Campaign(name=str(name_or_path), description=what, experiments=experiments)
     path = Path(name_or_path)
-    data = parse_mapping(read_text(path), str(path))
+    text = CAMPAIGNS.get(str(name_or_path)) or read_text(path)
+    data = parse_mapping(text, str(path))
     check_version(data.pop(VERSION_KEY, None), str(path))
     listed = data.get("experiments")
     if isinstance(listed, list):
@@ -119,6 +127,14 @@ def _plain(value: Any) -> Any:
     return value.model_dump(mode="json") if isinstance(value, Mount) else value
 
 
+def list_campaigns() -> dict[str, str]:
+    """Name and one-line description of each campaign that has a name."""
+    names = (ALL, EVERY)
+    return {name: load_campaign(name).description for name in names} | {
+        name: str(parse_mapping(text, name).get("description", "")) for name, text in CAMPAIGNS.items()
+    }
+
+
 def dump_campaign(campaign: Campaign) -> str:
     """Return the campaign as YAML with the version that wrote it; listed experiments are written in full."""
     values = campaign.model_dump(mode="json", exclude_defaults=True)
@@ -133,6 +149,7 @@ def dump_campaign(campaign: Campaign) -> str:
 def with_changes(
     campaign: Campaign,
     *,
+    runs: int | None = None,
     seconds: float | None = None,
     seed: int | None = None,
     extras: Sequence[str] | None = None,
@@ -142,9 +159,14 @@ def with_changes(
 ) -> Campaign:
     """Return a copy whose runs have other values; None keeps those of the campaign.
 
-    ``seed`` is the root of what is drawn, or the seed of every listed experiment.
+    ``seed`` is the root of what is drawn, or the seed of every listed experiment. Fewer ``runs`` are the first of more.
+
+    Raises:
+        ConfigurationError: a value that is not allowed, or ``runs`` of a campaign without a number of runs.
     """
-    changes = {"seconds": seconds, "extras": extras, "signal": signal, "lights": light, **switches}
+    if runs is not None and not isinstance(campaign.runs, int):
+        raise ConfigurationError(f"--runs is for campaigns with a number of runs; {campaign.name} has none")
+    changes = {"runs": runs, "seconds": seconds, "extras": extras, "signal": signal, "lights": light, **switches}
     changes["seeds" if campaign.experiments else "seed"] = seed
     values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
     return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")

@@ -33,6 +33,7 @@ from fieldtruth.core.errors import (
     RouteError,
     TrackError,
     UnknownNameError,
+    warnings_in_one_line,
 )
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.config import Experiment
@@ -212,12 +213,13 @@ def _work(channel: Connection, out: Path, workers: int, overwrite: bool) -> None
     signal.signal(signal.SIGTERM, _interrupt)
     end_with_parent()
     try:
-        while True:
-            run: PlannedRun = channel.recv()
-            try:
-                channel.send(run_one(run, out, workers=workers, overwrite=overwrite))
-            except STOPPING as error:
-                channel.send(error)
+        with warnings_in_one_line():
+            while True:
+                run: PlannedRun = channel.recv()
+                try:
+                    channel.send(run_one(run, out, workers=workers, overwrite=overwrite))
+                except STOPPING as error:
+                    channel.send(error)
     except (EOFError, BrokenPipeError, KeyboardInterrupt):
         return
 

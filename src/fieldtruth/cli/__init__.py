@@ -15,13 +15,13 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
-from typing import Any, Final, NoReturn, TextIO
+from typing import Any, Final, NoReturn
 
 import fieldtruth
 from fieldtruth.cli import generation, processing, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError, add_arguments
 from fieldtruth.cli.terminal import INTERRUPTED, interrupts, standard_streams
-from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
+from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError, warnings_in_one_line
 
 USER_ERROR: Final = 2
 _COMMANDS: Final[Mapping[str, Command]] = {**generation.COMMANDS, **processing.COMMANDS, **worlds.COMMANDS}
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str], *, restore: bool) -> int:
     interrupted = f"interrupted{_resume_hint(arguments)}"
     try:
-        with interrupts(f"error: {interrupted}", restore=restore), _flushed_output(), _warnings_in_one_line():
+        with interrupts(f"error: {interrupted}", restore=restore), _flushed_output(), warnings_in_one_line():
             command, options = _parse(arguments)
             return command(options) or 0
     except FieldtruthError as error:
@@ -63,30 +63,6 @@ def _flushed_output() -> Iterator[None]:
         sys.stdout.flush()
         raise
     sys.stdout.flush()
-
-
-@contextmanager
-def _warnings_in_one_line() -> Iterator[None]:
-    """Print our warnings as ``warning: ...`` without the position in the source; others as usual."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("default", FieldtruthWarning)  # the same words once
-        usual = warnings.showwarning
-
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
-            if issubclass(category, FieldtruthWarning):
-                print("warning:", " ".join(str(message).split()), file=sys.stderr)
-            else:
-                usual(message, category, filename, lineno, file, line)
-
-        warnings.showwarning = show
-        yield
 
 
 def _fail(message: str, code: int) -> int:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FAILED: Final = 1
 """Exit code of a campaign with runs that failed."""
 _STATUS_FORMATS: Final = ("text", "json", "lines", "slurm")
-_ONLY_CAMPAIGNS: Final = {"jobs": None, "shard": None, "no_estimate": False}
+_ONLY_CAMPAIGNS: Final = {"runs": None, "jobs": None, "shard": None, "no_estimate": False}
 
 
 def _refuse_campaign_options(options: argparse.Namespace) -> None:
@@ -46,7 +46,7 @@ def _generate_campaign(options: argparse.Namespace, cluster: "AbstractContextMan
     from fieldtruth.campaign.draw import Shard, parse_shard
     from fieldtruth.campaign.files import check_campaign, load_campaign, with_changes
 
-    campaign = with_changes(load_campaign(options.experiment), **changes(options))
+    campaign = with_changes(load_campaign(options.experiment), runs=options.runs, **changes(options))
     check_campaign(campaign, options.experiment)
     shard = Shard(1, 1) if options.shard is None else parse_shard(options.shard)
     # After the checks: compiled kernels and physics take a second to load.
@@ -222,9 +222,15 @@ def _list(options: argparse.Namespace) -> None:
 
         return {"export formats": {name: row.description for name, row in FORMATS.items()}}
 
+    def campaigns() -> dict[str, dict[str, str]]:
+        from fieldtruth.campaign.files import list_campaigns
+
+        return {"campaigns": list_campaigns()}
+
     lists: dict[str, Callable[[], Mapping[str, Mapping[str, str]]]] = {
         "experiments": lambda: {"experiments": list_experiments()},
         "environments": lambda: {"environments": list_environments()},
+        "campaigns": campaigns,
         "sensors": sensors,
         "robots": lambda: {"robots (rig.robot)": list_robots()},
         "label-maps": lambda: {"label maps": {name: f"{len(m.classes)} classes" for name, m in LABEL_MAPS.items()}},

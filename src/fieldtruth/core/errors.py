@@ -3,8 +3,11 @@
 """All errors that a user can correct. The command line prints each as one line and exits with code 2."""
 
 import difflib
-from collections.abc import Iterable
-from typing import Any
+import sys
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO
 
 
 class FieldtruthError(Exception):
@@ -23,6 +26,30 @@ def _with_text(kind: type[FieldtruthError], text: str) -> FieldtruthError:
 
 class FieldtruthWarning(UserWarning):
     """Something that a user should know and that stops nothing; the command line prints it as one line."""
+
+
+@contextmanager
+def warnings_in_one_line() -> Iterator[None]:
+    """Print our warnings as ``warning: ...`` without the position in the source; others as usual."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", FieldtruthWarning)  # the same words once
+        usual = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, FieldtruthWarning):
+                print("warning:", " ".join(str(message).split()), file=sys.stderr)
+            else:
+                usual(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
 
 
 class UnknownNameError(FieldtruthError):

@@ -128,8 +128,8 @@ FRAME_RATE: Final = 10.0
 class FramesConfig(Frozen):
     """Separate frames instead of a drive: ``frames: {count: 2000}``. See docs/experiments.md.
 
-    Each is a stereo pair and a cloud of a robot that stands on free ground with a random heading, tilted and raised by
-    random amounts.
+    Each is a stereo pair and a cloud of a robot that stands on free ground with a random heading, or on a trail with a
+    view along it, tilted and raised by random amounts.
     """
 
     count: Annotated[Integer, Field(ge=1, le=864_000)]
@@ -137,6 +137,10 @@ class FramesConfig(Frozen):
     """Selects positions and poses in the same world."""
     aside_m: Annotated[Number, Field(ge=0.1, le=1000)] = 3.0
     """Greatest distance [m] from the route of an experiment that has one; without a route all free ground is used."""
+    along: Annotated[Literal["trail"], Field(description="trail")] | None = None
+    """trail: the robot stands on trails and looks along them, either way. None: anywhere, at any heading."""
+    turn_deg: Annotated[Number, Field(ge=0, le=180)] = 20.0
+    """Greatest angle [deg] between heading and trail, to both sides."""
     pitch_deg: Annotated[Number, Field(ge=0, le=45)] = 8.0
     """Greatest pitch and roll [deg], up and down, in addition to those of the ground."""
     roll_deg: Annotated[Number, Field(ge=0, le=45)] = 4.0
@@ -211,6 +215,8 @@ class Experiment(Frozen):
         if self.frames is not None:
             if self.drive is not None or self.seconds is not None:
                 raise ValueError("frames exclude drive and seconds: frames.count says how many there are")
+            if self.frames.along is not None and self.route is not None:
+                raise LocatedError("and route exclude each other: trails replace the route", ("frames", "along"))
             unfit = [(each.name, each.unfit_for_frames) for each in self.rig.sensors if each.enabled]
             for key, why in dict.fromkeys(problem for _, problem in unfit if problem):
                 names = ", ".join(name for name, problem in unfit if problem == (key, why))

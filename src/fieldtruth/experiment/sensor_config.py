@@ -108,6 +108,8 @@ ROBOT: Final = "robot"
 """The signal of photographs as robots take them; of sensors that are no cameras, that of the data sheet."""
 WORDS: Final = (IDEAL, DATASHEET, CLEAN, ROBOT)
 FORMS: Final = f"{', '.join(WORDS)}, the path of a YAML file, or a mapping"
+PRESET: Final = "preset"
+"""Key of a signal that is a mapping: one of the words, whose figures it changes."""
 _ENDINGS: Final = (".yaml", ".yml")
 
 
@@ -134,6 +136,11 @@ def signal_values(given: Any, family: str, model: str) -> Any:
         if not model:
             raise LocatedError("must be ideal: this kind of sensor has no data sheet", [SIGNAL])
         return datasheet_of(family, model)
+    if isinstance(given, Mapping) and PRESET in given:
+        if given[PRESET] not in WORDS:
+            raise LocatedError(f"must be {', '.join(WORDS)}; got {shortened(given[PRESET])}", [SIGNAL, PRESET])
+        rest = {key: value for key, value in given.items() if key != PRESET}
+        return {**(signal_values(given[PRESET], family, model) or {}), **rest}
     if not isinstance(given, str):
         return given
     if not given.endswith(_ENDINGS):

@@ -28,8 +28,9 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, TrackE
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.physics import Command
-from fieldtruth.drive.plan import plan_and_drive, standing_robot
+from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.drive.simulate import Checkpoint, Drive, SimulatedRobot
+from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import (
     STEP_NS,
     STEP_S,
