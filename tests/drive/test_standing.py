@@ -121,7 +121,7 @@ def test_along_a_trail_the_robot_stands_on_it_and_looks_along_it_both_ways(flat_
     turn = np.radians(25.0)
 
     def beside(x: Array, y: Array) -> Array:
-        return -np.sin(turn) * x + np.cos(turn) * y
+        return np.asarray(-np.sin(turn) * x + np.cos(turn) * y)
 
     world = with_trail(flat_world, lambda x, y: np.abs(beside(x, y)) - 1.5 + 0.3 * np.sin(7.0 * x))
     motion = standing(world, along="trail", turn_deg=10)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Separate frames against video: labelled frames per core-hour, and how much of the world a number of frames shows.
 
-Run: python benchmarks/frames.py [--count 40] [park_1 forest_1]. A frame is a stereo pair and a cloud. Video is the
+Run: python benchmarks/frame_rates.py [--count 40] [park_1 forest_1]. A frame is a stereo pair and a cloud. Video is the
 drive with its 25 pairs and 10 clouds a second. Docs: docs/experiments.md.
 """
 
