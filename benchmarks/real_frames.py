@@ -34,45 +34,34 @@ MERGED_CLOUD: Final = {"ground": ("ground",), "vegetation": ("bush", "tree")}
 
 _IN_IMAGES: Final = {
     "sky": "sky",
-    "trail": "trail dirt sand mud gravel mulch asphalt concrete rock-bed puddle cobble soil bikeway sidewalk"
+    "trail": "trail dirt sand mud gravel mulch asphalt concrete rock_bed puddle cobble soil bikeway sidewalk"
     " road_marking pedestrian_crossing rough_trail smooth_trail",
-    "grass": "ground grass low_grass leaves moss crops other-terrain traversable_grass traversable",
+    "grass": "ground grass low_grass leaves moss crops other_terrain traversable_grass traversable",
     "vegetation": "high_grass tree treetop trunk bush forest tree_crown tree_trunk tree_root hedge scenery_vegetation"
-    " tree-trunk tree-foliage high_vegetation low_vegetation non-traversable",
-    "obstacle": "rock rubble log debris pole post lamp_post street_light trash_bin table bench picnic-table cable wire"
-    " object container/generic-object other-object obstacle container barrel pipe vehicle car truck bus trailer caravan"
+    " tree_trunk tree_foliage high_vegetation non_traversable_low_vegetation non_traversable",
+    "obstacle": "rock rubble log debris pole post lamp_post street_light trash_bin table bench picnic_table cable wire"
+    " object container/generic_object other_object obstacle container barrel pipe vehicle car truck bus trailer caravan"
     " on_rails heavy_machinery military_vehicle bicycle motorcycle kick_scooter person rider animal building structure"
     " wall fence barrier guard_rail bridge tunnel sign traffic_sign misc_sign traffic_light traffic_cone road_block"
     " boom_barrier barrier_tape curb rail_track",
 }
 """Names of classes of all data sets and ours, by the class that they are here. Others, as water, are ignored."""
 _IN_CLOUDS: Final = {
-    "ground": f"{_IN_IMAGES['trail']} {_IN_IMAGES['grass']} high_grass road parking other-ground lane-marking terrain",
+    "ground": f"{_IN_IMAGES['trail']} {_IN_IMAGES['grass']} high_grass road parking other_ground lane_marking terrain",
     "bush": "bush hedge scenery_vegetation",
     "tree": "tree treetop trunk forest tree_crown tree_trunk vegetation",
 }
-_YCOR: Final = {
-    0xFFFFFF: "background",
-    0x0158FF: "sky",
-    0x9C4C1E: "rough_trail",
-    0xB2B099: "smooth_trail",
-    0x80FF00: "traversable_grass",
-    0x285000: "high_vegetation",
-    0x00A000: "low_vegetation",
-    0xFF0080: "puddle",
-    0xFF0000: "obstacle",
-}
-_ORFD: Final = {0xFFFFFF: "traversable", 0x000000: "non-traversable", 0x808080: "sky"}
+_ORFD: Final = {0xFFFFFF: "traversable", 0x000000: "non_traversable", 0x808080: "sky"}
 _WILDSCENES: Final = (
-    *("unlabelled", "asphalt", "dirt", "mud", "water", "gravel", "other-terrain", "tree-trunk", "tree-foliage", "bush"),
-    *("fence", "structure", "pole", "vehicle", "rock", "log", "other-object", "sky", "grass"),
+    *("unlabelled", "asphalt", "dirt", "mud", "water", "gravel", "other_terrain", "tree_trunk", "tree_foliage", "bush"),
+    *("fence", "structure", "pole", "vehicle", "rock", "log", "other_object", "sky", "grass"),
 )
 _SEMANTICKITTI: Final = {
     40: "road",
     44: "parking",
     48: "sidewalk",
-    49: "other-ground",
-    60: "lane-marking",
+    49: "other_ground",
+    60: "lane_marking",
     70: "vegetation",
     71: "trunk",
     72: "terrain",
@@ -139,7 +128,7 @@ def of_own_classes() -> NDArray[np.uint8]:
 def _ontology(name: str, *, by_colour: bool = False) -> dict[int, str]:
     """Names of the classes of one of our label maps, by id or by colour."""
     classes = label_map_of(name).classes
-    return {_packed(np.array(c.rgb)).item() if by_colour else number: c.name for number, c in classes.items()}
+    return {_packed(np.array(c.rgb)).item() if by_colour else n: as_key(c.name) for n, c in classes.items()}
 
 
 def _packed(rgb: NDArray[Any]) -> NDArray[Any]:
@@ -150,7 +139,9 @@ def _packed(rgb: NDArray[Any]) -> NDArray[Any]:
 
 _GOOSE_ENDINGS: Final = ("_windshield_vis.png", "_camera_left.png", "_front.png", "_realsense.png")
 LAYOUTS: Final = (
-    Layout("ycor", [Source("rgb.jpg", "labels.png")], _YCOR, has_colours=True, is_numbered=True),
+    Layout(
+        "ycor", [Source("rgb.jpg", "labels.png")], _ontology("ycor", by_colour=True), has_colours=True, is_numbered=True
+    ),
     Layout(
         "rugd",
         [Source("RUGD_frames-with-annotations/*/*.png", ".png", ("RUGD_frames-with-annotations", "RUGD_annotations"))],

@@ -30,7 +30,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 
 OTHER: Final = len(IMAGE_CLASSES)  # index of what a network predicts that no real frame is labelled with
 FIRST_RATE, FINE_RATE = 3e-3, 1e-3  # learning rates of a first training and of one that goes on
-DEFAULT_SIZE: Final = (256, 480)  # height and width without a checkpoint
+DEFAULT_SIZE: Final = (136, 256)  # height and width without a checkpoint: those of examples/train_images.py
 TILE: Final = 384  # [pixel] width of an image on the sheet
 COLOURS: Final = np.array(
     [(1, 88, 255), (178, 176, 153), (128, 255, 0), (40, 80, 0), (255, 0, 0), (255, 0, 255)], np.uint8

@@ -14,6 +14,7 @@ from real_frames import CLOUD_CLASSES, IGNORED, IMAGE_CLASSES, LAYOUTS, frames_o
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.ontology import label_map_of
 
 SKY, TRAIL, GRASS, VEGETATION, OBSTACLE = range(5)
 GROUND, BUSH, TREE = range(3)
@@ -193,6 +194,19 @@ def test_every_layout_has_each_class() -> None:
     for layout in LAYOUTS:
         found = {int(layout.table()[number]) for number in layout.classes} - {IGNORED}
         assert found == merged.get(layout.name, set(range(len(layout.coarse_classes)))), layout.name
+
+
+def test_only_names_without_a_class_are_ignored() -> None:
+    without = {"background", "void", "undefined", "unlabelled", "water", "snow", "ego_vehicle", "outlier"}
+    for layout in (each for each in LAYOUTS if not each.is_cloud):
+        ignored = {name for number, name in layout.classes.items() if layout.table()[number] == IGNORED}
+        assert ignored <= without, layout.name
+
+
+def test_own_classes_are_those_of_training() -> None:
+    trained = label_map_of("offroad")
+    names = [trained.classes[number].name for number in trained.ids]
+    assert of_own_classes().tolist() == of_names(names).tolist()
 
 
 def test_own_classes() -> None:
