@@ -244,7 +244,7 @@ def _statistics(given: Sequence[str]) -> None:
 
     parser = argparse.ArgumentParser(prog="transfer.py statistics", description=images_of.__doc__)
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="runs of ours, or real pairs")
-    parser.add_argument("--count", type=int, default=200, help="images of each folder, evenly spaced")
+    parser.add_argument("--count", type=_number, default=200, help="images of each folder, evenly spaced")
     options = parser.parse_args(given)
     print(table({folder.name: statistics(images_of(folder), options.count) for folder in options.folders}))
 
@@ -261,10 +261,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--fine-tune", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument("--train-from", type=int, default=0, help="number of the first pair to train on")
     parser.add_argument("--train-to", type=int, help="number after the last one")
-    parser.add_argument("--minutes", type=float, default=5.0, help="of each training")
-    parser.add_argument("--steps", type=int, help="of each training, in place of minutes")
+    parser.add_argument("--minutes", type=_positive, default=5.0, help="of each training")
+    parser.add_argument("--steps", type=_number, help="of each training, in place of minutes")
     parser.add_argument("--sheet", type=Path, help="picture of the worst frames: image, truth, prediction")
-    parser.add_argument("--worst", type=int, default=8, help="frames on the sheet")
+    parser.add_argument("--worst", type=_number, default=8, help="frames on the sheet")
     parser.add_argument("--json", type=Path, help="file for figures and confusions")
     return parser
 
@@ -273,6 +273,22 @@ def _count(text: str) -> str:
     if text != "all" and not (text.isdigit() and int(text) > 0):
         raise argparse.ArgumentTypeError(f"must be a number of pairs, at least 1, or all; got {text!r}")
     return text
+
+
+def _number(text: str) -> int:
+    if not (text.isdigit() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {text!r}")
+    return int(text)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not 0.0 < value < np.inf:
+        raise argparse.ArgumentTypeError(f"must be a time above 0, got {text!r}")
+    return value
 
 
 if __name__ == "__main__":

@@ -107,6 +107,8 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
         (["--real-only", "3"], "need --train-from and --train-to"),
         (["--real-only", "3", "--train-to", "20", "--from", "10"], "0 to 20 and 10 to"),
         (["--real-only", "3", "--train-to", "20", "--from", "20"], "3 pairs are asked for; there are 2"),
+        (["--worst", "0"], "must be at least 1, got '0'"),
+        (["--minutes", "nan"], "must be a time above 0, got 'nan'"),
         (["--real-only", "none"], "at least 1, or all; got 'none'"),
         (["--checkpoint", "a", "--from", "50"], "no pairs from 50"),
         (["--checkpoint", "a", "--layout", "kitti"], "layout 'kitti' must be one of ycor"),
