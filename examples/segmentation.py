@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from pickle import UnpicklingError
 from time import monotonic
 from typing import Any, TypedDict, Unpack
 
@@ -284,8 +285,9 @@ def load(path: Path) -> tuple[nn.Module, Settings]:
         state = torch.load(path, map_location="cpu", weights_only=True)
         values = state["settings"]
         settings = Settings(**values | {"classes": tuple(values["classes"])})
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
-        raise ft.ConfigurationError(f"{path} is not a trained network: {error}") from error
+    except (OSError, EOFError, RuntimeError, LookupError, TypeError, ValueError, UnpicklingError) as error:
+        reason = str(error).partition("\n")[0]  # a line, although torch writes pages
+        raise ft.ConfigurationError(f"{path} is not a trained network: {reason}") from error
     network = make_network(settings)
     network.load_state_dict(state["network"])
     return network.to(device()).eval(), settings

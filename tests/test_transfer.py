@@ -102,6 +102,7 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     [
         ([], "there is no network to score"),
         (["--checkpoint", "missing.pt"], "missing.pt"),
+        (["--checkpoint", __file__], "is not a trained network"),
         (["--fine-tune", "10"], "there is no network to score"),
         (["--real-only", "3", "--fine-tune", "3"], "--fine-tune needs --checkpoint"),
         (["--real-only", "3"], "need --train-from and --train-to"),
