@@ -173,6 +173,13 @@ class Line:
             best = np.minimum(best, away)
         return best
 
+    def left(self, xy: ArrayLike) -> Array:
+        """Distance [m], (n,), of positions (n, 2) to the line, below 0 to its right."""
+        xy = np.asarray(xy, np.float64)
+        _, nearest = self._tree.query(xy, workers=-1 if len(xy) > _FEW else 1)
+        (tx, ty), (dx, dy) = self.tangents[nearest].T, (xy - self.points[nearest]).T
+        return np.where(tx * dy >= ty * dx, 1.0, -1.0) * self.distance(xy)
+
     def may_be_within(self, reach: float, x: float, y: float) -> bool:
         """Return True if a position is within ``reach`` [m] of the rectangle around the line."""
         (low_x, low_y), (high_x, high_y) = self._corners

@@ -86,6 +86,7 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
             ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
             ("boreal", "boreal forest: slender spruces, moss, bilberries, boulders, dead wood; a bog with pools"),
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
+            ("forest_road", "forest road: gravel with wheel tracks between walls of bushes and trees, a branch"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
             ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
             ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),

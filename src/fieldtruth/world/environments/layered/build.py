@@ -12,9 +12,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.classes import class_table
 from fieldtruth.world.environments.layered.config import DESCRIPTIONS, Description
-from fieldtruth.world.environments.layered.expressions import Expression
+from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import FAR, Fields, rng_of
-from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond
+from fieldtruth.world.environments.layered.land import ground_height, make_land_beyond, swarms_beyond, waves
 from fieldtruth.world.environments.layered.objects import nearest
 from fieldtruth.world.environments.layered.plants import scatter_plants
 from fieldtruth.world.environments.layered.puddles import dig_puddles
@@ -22,7 +22,7 @@ from fieldtruth.world.environments.layered.steps import shape
 from fieldtruth.world.environments.layered.surroundings import shape_surroundings
 from fieldtruth.world.environments.layered.trails_beyond import with_trails
 from fieldtruth.world.environments.layered.trees import crowns, feet, raise_roots
-from fieldtruth.world.environments.layout import hills_spacing, network
+from fieldtruth.world.environments.layout import Trails, hills_spacing, network
 from fieldtruth.world.grids import (
     COVER,
     Line,
@@ -34,7 +34,7 @@ from fieldtruth.world.grids import (
     make_trails,
 )
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Instance, Mesh, Terrain, World
+from fieldtruth.world.model import Instance, Material, Mesh, Terrain, World
 from fieldtruth.world.objects.place import stand_objects
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import with_layer, with_microrelief
@@ -45,6 +45,10 @@ SHEET_NODES: Final = 13
 """Nodes along each side of a sheet of water, at least."""
 SHEET_SPACING: Final = 75.0
 """Distance [m] between the nodes of a sheet of water, at most."""
+WANDER: Final = (25.0, 90.0)
+"""Lengths [m] of the waves in which trails wander."""
+_CORNER: Final = 60
+"""Points of a line between the corners of a trail that wanders."""
 
 
 def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
@@ -59,6 +63,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
     fields.height = shape_relief(fields, description)
     sheets = lay_water(fields, description)
     builder = make_ground(fields, config, description)
+    builder.materials |= {name: _tinted(fields, MATERIALS[name], rgb) for name, rgb in description.tints.items()}
     stand_objects(builder, config.objects, class_table(config.classes))
     add_water(builder, fields.water, sheets)
     if description.water is not None:
@@ -77,7 +82,7 @@ def build(seed: int, corridors: Sequence[Line], config: Any) -> World:
         name=config.environment,
         seed=seed,
         textures=np.random.SeedSequence(seed).spawn(1)[0],
-        backdrop=with_trails(land.mesh, land.trails, terrain, builder.size),
+        backdrop=with_trails(land.mesh, land.trails, replace(terrain, **_surface(description)), builder.size),
         beyond=[*fields.far, *swarms_beyond(builder, fields, config, description.beyond, land)],
         litter=config.litter,
         objects=config.objects,
@@ -98,7 +103,8 @@ def place_objects(builder: WorldBuilder, fields: Fields, config: Any, descriptio
 
 
 def _fields(description: Description, seed: int, corridors: Sequence[Line], config: Any) -> Fields:
-    trails = make_trails(config.trails, config.trail_width) if description.trails else []
+    lines_of_trails = wandered(config.trails, config.wander, seed) if description.trails else []
+    trails = make_trails(lines_of_trails, config.trail_width) if lines_of_trails else []
     lines = {
         name: Line.joined([Line.through(corners) for corners in network(corners_of, config.size, description.size)])
         for name, corners_of in description.lines.items()
@@ -149,7 +155,7 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
     values = fields.over(fields.nodes)
-    on_trail = np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
+    on_trail = 0.0 if description.trail.painted else np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
     shares = {name: (1.0 - on_trail) * share for name, share in painted(values, description.ground).items()}
     for name, share in (*shares.items(), (description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
@@ -178,7 +184,29 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
         trail_distance=trail_distance,
         cover=make_raster(np.stack(list(shares.values()), axis=-1), cell, *axes),
         ground_materials=tuple(shares),
-        trail_material=trail.material,
-        border_material=trail.border,
-        border_width=fields.constant(trail.border_width),
+        **({"trail_material": "", "border_material": ""} if trail.painted else _surface(description)),
+        border_width=0.0 if trail.painted else fields.constant(trail.border_width),
     )
+
+
+def _surface(description: Description) -> dict[str, Any]:
+    return {"trail_material": description.trail.material, "border_material": description.trail.border}
+
+
+def wandered(trails: Trails, by: float, seed: int) -> Trails:
+    """Return the corners of trails that the seed has moved ``by`` [m], smoothly, so that what meets still meets."""
+    if not by:
+        return trails
+    aside = [waves(*WANDER, rng_of(seed, f"wander.{axis}")) for axis in "xy"]
+    moved = []
+    for corners in trails:
+        points = Line.through(corners).points
+        points = points[np.unique([*range(0, len(points), _CORNER), len(points) - 1])]
+        points = points + by / np.sqrt(2.0) * np.stack([wave(*points.T) for wave in aside], axis=-1)
+        moved.append(tuple((float(x), float(y)) for x, y in points))
+    return tuple(moved)
+
+
+def _tinted(fields: Fields, material: Material, rgb: Sequence[Constant]) -> Material:
+    red, green, blue = (max(0.0, fields.constant(rule)) * own for rule, own in zip(rgb, material.tint, strict=True))
+    return replace(material, tint=(red, green, blue))

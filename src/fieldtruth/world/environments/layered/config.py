@@ -56,10 +56,10 @@ MOST_NODES: Final = 4_000_000
 """Nodes of a grid about a world of the environment's size."""
 CONSTANTS: Final = frozenset({"trail_width", "spacing"})
 """Width [m] of the trails, and distance [m] between the nodes of the relief."""
-FLAT: Final = frozenset({"x", "y", "trail", "corridor", "edge"})
-"""Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the centre line of a
-corridor, and to the world's edge."""
-HIDDEN: Final = frozenset({"edge"})
+FLAT: Final = frozenset({"x", "y", "trail", "left", "corridor", "edge"})
+"""Fields that the relief may use: position [m], distance [m] to a trail's edge (below 0 on it), to the left of the
+first trail's centre line, to the centre line of a corridor, and to the world's edge."""
+HIDDEN: Final = frozenset({"edge", "left"})
 """Fields of ``FLAT`` whose names parameters may have; rules then see the parameter."""
 SHAPED: Final = frozenset({"height", "slope", "drained"})
 """Height [m] and slope [deg] of the relief, and the area [m^2] that drains through a position."""
@@ -71,12 +71,13 @@ ground above the water, large where it is dry."""
 
 
 class TrailSurface(Ruled):
-    """Surface of the trails."""
+    """Surface of the trails: of one material with a border, or as the rules of the ground paint it."""
 
     material: str = "path"
     border: str = "path_edge"
     border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
     ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
+    painted: Boolean = False  # the ground's rules also cover trails; the material is that of trails beyond the edge
 
 
 class Water(Ruled):
@@ -157,11 +158,13 @@ class Description(Frozen):
     trails: Trails = ()
     trail_width: Positive = 1.6
     trail: TrailSurface = TrailSurface()
+    wander: Distance = 0.0  # [m] by which the seed moves the trails, in the mean square
     surroundings: Mapping[str, Surroundings] = {}  # grids about the world, the widest first
     relief: Mapping[str, Relief] = {}  # heights [m] that are added, and steps
     water: Water | None = None
     puddles: Puddles | None = None
     ground: Mapping[str, Rule]  # materials: each covers what is below it by its share
+    tints: Mapping[str, tuple[Amount, Amount, Amount]] = {}  # factors on red, green, blue of materials
     objects: Mapping[str, Annotated[Layer, PlainValidator(_layer)]] = {}
     roots: tuple[str, ...] = ()  # layers of objects about whose trunks the ground rises
     plants: Mapping[str, Plants] = {}
@@ -226,7 +229,7 @@ class Description(Frozen):
 
     def _check_names(self) -> None:
         """Check that no line, field, layer or swarm has a name that is taken; raises ValueError."""
-        layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width"}
+        layers = {*GroundConfig.model_fields, "beyond", "trails", "trail_width", "wander"}
         known, swarms = {*CONSTANTS, *FLAT, *SHAPED, *LATE, *PLACE, "land"}, set[str]()
         fields = known | set(self.parameters)
         for section, names, taken in (
@@ -251,6 +254,7 @@ class Description(Frozen):
     def _materials(self) -> Iterator[tuple[str, tuple[str, ...]]]:
         yield "ground", tuple(self.ground)
         yield "trail", (self.trail.material, self.trail.border)
+        yield "tints", tuple(self.tints)
         canopy = [self.beyond.canopy.material] if self.beyond.canopy else []
         yield "beyond", (self.beyond.material, *canopy, *self.beyond.materials)
         for key, layer in self.objects.items():
@@ -276,6 +280,7 @@ class Description(Frozen):
             objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
         yield from ((f"ground.{key}", rule, known | objects, set()) for key, rule in self.ground.items())
+        yield from ((f"tints.{key}", rule, numbers, set()) for key, rgb in self.tints.items() for rule in rgb)
         for key, plants in self.plants.items():
             yield from ((f"plants.{key}.{name}", rule, known | objects, set()) for name, rule in plants.rules())
         yield from self._rules_beyond(numbers, objects)
@@ -383,6 +388,7 @@ def model_of(name: str) -> type[GroundConfig]:
     keys: dict[str, Any] = {"size": (Size, description.size), "season": (str, season)}
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
+        keys["wander"] = (Distance, description.wander)
     keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}
     for key, shares in description.mixtures.items():
         info = Field(description="shares by species, each from 0 up to 1")

@@ -90,7 +90,9 @@ class Fields:
 
         def values(rule: Expression) -> Array:
             found = self._values(rule, xy, drawn, cache).reshape(shape)
-            known.update({k: each for k, each in cache.items() if k in ("trail", "corridor") or k in self.lines})
+            known.update(
+                {k: each for k, each in cache.items() if k in ("trail", "left", "corridor") or k in self.lines}
+            )
             return found
 
         return values
@@ -172,6 +174,8 @@ class Fields:
                 return np.asarray(np.min(np.array(self.size) / 2 - np.abs(xy), axis=1))
             case "trail":
                 return _least([each.line.distance(xy) - each.width / 2 for each in self.trails], len(xy))
+            case "left":
+                return self.trails[0].line.left(xy) if self.trails else np.full(len(xy), FAR)
             case "corridor":
                 return _least([line.distance(xy) for line in self.corridors], len(xy))
             case "height":
