@@ -155,7 +155,7 @@ def make_ground(fields: Fields, config: Any, description: Description) -> WorldB
     """Terrain of the relief with the microrelief of what covers it, in an empty world."""
     grounds: dict[str, Array] = {}
     values = fields.over(fields.nodes)
-    on_trail = 0.0 if description.trail.painted else np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
+    on_trail = (not description.trail.painted) * np.clip(0.5 - values(TRAIL) / 0.2, 0.0, 1.0)
     shares = {name: (1.0 - on_trail) * share for name, share in painted(values, description.ground).items()}
     for name, share in (*shares.items(), (description.trail.material, on_trail)):
         ground = MATERIALS[name].ground_type
