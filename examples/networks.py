@@ -32,11 +32,28 @@ def make(name: str, channels: int, classes: int) -> nn.Module:
     return NETWORKS[name](channels, classes)
 
 
+class RangeNet(nn.Module):  # type: ignore[misc]
+    """A U-Net of range images, (n, 5, rings, columns): x, y, z [m], reflectivity, and 1 where there is a return."""
+
+    def __init__(self, channels: int, classes: int) -> None:
+        super().__init__()
+        if channels != 5:
+            raise ft.ConfigurationError(f"the network range takes range images of 5 channels, got {channels}")
+        self.unet = UNet(6, classes, RANGE_WIDTHS, around=True)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return logits."""
+        xyz, others = x[:, :3], x[:, 3:]
+        ranges = xyz.norm(dim=1, keepdim=True)
+        logits: Tensor = self.unet(torch.cat([torch.log1p(ranges), xyz / 10.0, others], dim=1))
+        return logits
+
+
 class UNet(nn.Module):  # type: ignore[misc]
     """A U-Net whose first stage has half the resolution: most of the time of a full one is spent at full resolution.
 
     Args:
-        channels: of the input; images in 0 to 1, range images as ``train_clouds`` makes them.
+        channels: of the input; any scale, because each is normalised.
         classes: number of classes.
         widths: channels of the stages, at 1/2, 1/4, ... of the resolution.
         around: whether the left edge of the input continues the right one, as in a full turn of a LiDAR.
@@ -142,6 +159,6 @@ def _resized(x: Tensor, size: tuple[int, int]) -> Tensor:
 
 NETWORKS: dict[str, Callable[[int, int], nn.Module]] = {
     "unet": lambda channels, classes: UNet(channels, classes, UNET_WIDTHS, around=False),
-    "range": lambda channels, classes: UNet(channels, classes, RANGE_WIDTHS, around=True),
+    "range": RangeNet,
     ENCODER: LiteUNet,
 }

@@ -173,7 +173,7 @@ class _Training:
         chosen = np.sort(rng.choice(len(images), min(self.batch, len(images)), replace=False))
         x, y = _batch(images[chosen], self.device), torch.from_numpy(masks[chosen]).to(self.device, torch.int64)
         if self.augment is not None:
-            generator = torch.Generator().manual_seed(int(rng.integers(2**62)))
+            generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
             x, y = self.augment(x, y, generator)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * one_cycle(self.progress())

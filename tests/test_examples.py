@@ -20,7 +20,18 @@ pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RunExample = Callable[..., list[str]]
-BASELINES = {"augmentation", "frames", "networks", "scoring", "segmentation", "train_images"}
+BASELINES = {
+    *(
+        "augmentation",
+        "baseline",
+        "frame_arrays",
+        "networks",
+        "scoring",
+        "segmentation",
+        "train_clouds",
+        "train_images",
+    ),
+}
 """Longer ones, with tests of their own: test_training.py."""
 SCRIPTS = sorted(path for path in EXAMPLES.glob("*.py") if path.stem not in BASELINES)
 
