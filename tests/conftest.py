@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared fixtures: made once, and not changed by tests."""
 
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -32,6 +33,10 @@ from fieldtruth.world.model import World
 if TYPE_CHECKING:
     from browser_tab import Tab
     from report_pages import Page
+
+# Workers inherit it, and the commands that tests start. Products of matrices with threads for all cores in each of them
+# spend most of their processor time waiting for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _LEAN_NS: Final = 520_000_000
 _LONG: Final = ("test_annotate.py", "test_crowns.py", "test_eight_drives.py")
