@@ -88,6 +88,7 @@ ENVIRONMENTS: Final[Registry[Environment]] = Environments(
             ("field_track", "field track: a grassy farm track between ripe wheat and rows of maize, hedges"),
             ("forest_road", "forest road: gravel with wheel tracks between walls of bushes and trees, a branch"),
             ("orchard", "orchard and vineyard: rows of apple trees, vines on a trellis, a farm track, a hedge"),
+            ("quarry", "quarry: a wide yard of gravel with tracks, heaps and banks of stones, puddles, a tree line"),
             ("scrub", "Mediterranean scrub: maquis, olive terraces with walls of dry stone, rocks, dry grass, a track"),
             ("thicket", "winter thicket: leafless bush, dry tall grass, a muddy track with puddles, oaks, junipers"),
             ("wet_meadow", "wet meadow: ditches with reeds, drains, pools, soft ground, rushes, willows, a track"),
