@@ -3,7 +3,7 @@
 """Scores on real frames of networks that were trained on our synthetic ones, on real ones, or on both.
 
 Run: python benchmarks/transfer.py REAL [REAL ...] --checkpoint FILE [--from N] [--to N] [--sheet FILE]
-         [--real-only N ...] [--fine-tune N ...] [--train-from N --train-to N] [--minutes M]
+         [--real-only N ...] [--fine-tune N ...] [--train-from N --train-to N] [--minutes M] [--clouds FILE]
      python benchmarks/transfer.py statistics FOLDER [FOLDER ...] [--count N]
 
 REAL is a folder in one of the layouts of benchmarks/real_frames.py. ``--from`` and ``--to`` select the pairs that are
@@ -22,9 +22,10 @@ from typing import Any, Final, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from real_frames import IGNORED, IMAGE_CLASSES, LAYOUTS, MERGED_IMAGE, Frames, frames_of, of_names
+from real_frames import IGNORED, IMAGE_CLASSES, LAYOUTS, MERGED_CLOUD, MERGED_IMAGE, Frames, Layout, frames_of, of_names
 
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 
@@ -38,25 +39,26 @@ COLOURS: Final = np.array(
 
 
 class Row(NamedTuple):
-    """A row of the table: pixels by true and predicted class of a network on some frames."""
+    """A row of a table: pixels or points by true and predicted class of a network on some frames."""
 
     network: str
     frames: str
+    layout: Layout
     matrix: NDArray[np.int64]
-    """(6, 6) of ``IMAGE_CLASSES`` and others, rows are true."""
-    is_merged: bool
+    """Rows are true: the classes of the layout, and others."""
 
     def figures(self) -> dict[str, float]:
-        """Compute the intersection over union of each class and its means, and the share of pixels that are right."""
+        """Compute the intersection over union of each class and its means, and the share of all that is right."""
         from segmentation import iou
 
-        of_merged = iou(merged(self.matrix, MERGED_IMAGE))[:-1]
-        right = dict(zip(IMAGE_CLASSES, iou(self.matrix), strict=False))
-        if self.is_merged:
-            right = dict.fromkeys(IMAGE_CLASSES, float("nan"))
+        classes, groups = self.layout.coarse_classes, MERGED_CLOUD if self.layout.is_cloud else MERGED_IMAGE
+        right = dict(zip(classes, iou(self.matrix), strict=False))
+        if self.layout.is_merged:
+            right = dict.fromkeys(classes, np.float64("nan"))
         found = {name: float(value) for name, value in right.items()}
-        found |= {"mean": _mean(list(right.values())), "mean of 3": _mean(list(of_merged))}
-        return found | {"pixels": float(np.trace(self.matrix) / max(self.matrix.sum(), 1))}
+        of_groups = iou(merged(self.matrix, classes, groups))[:-1]
+        found |= {"mean": _mean(list(found.values())), f"mean of {len(groups)}": _mean(list(of_groups))}
+        return found | {"right": float(np.trace(self.matrix) / max(self.matrix.sum(), 1))}
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -64,9 +66,8 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def merged(matrix: NDArray[np.int64], groups: Mapping[str, Sequence[str]]) -> NDArray[np.int64]:
+def merged(matrix: NDArray[np.int64], classes: Sequence[str], groups: Mapping[str, Sequence[str]]) -> NDArray[np.int64]:
     """Return a confusion of groups of classes and others; pixels whose true class is in no group do not count."""
-    classes = list(IMAGE_CLASSES)
     group = np.full(len(matrix), len(groups))
     for k, names in enumerate(groups.values()):
         group[[classes.index(name) for name in names]] = k
@@ -169,7 +170,52 @@ def rows_of(options: argparse.Namespace) -> Iterator[Row]:
                 worst = [int(n) for n in np.argsort(right)[: options.worst]]
                 write_sheet(options.sheet, frames, worst, [predicted(network, settings, frames[n][0]) for n in worst])
             numbers = f"{frames.pairs[0].number} to {frames.pairs[-1].number}"
-            yield Row(name, f"{frames.layout.name} {numbers} ({len(frames)})", matrix, frames.layout.is_merged)
+            yield Row(name, f"{frames.layout.name} {numbers} ({len(frames)})", frames.layout, matrix)
+
+
+def range_image(points: Array, rows: int, columns: int) -> tuple[NDArray[np.float32], tuple[Any, Any]]:
+    """Return the range image of a scan, as a network of examples/train_clouds.py takes it, and each point's pixel.
+
+    Rings are taken to be evenly spaced, the highest first, and columns go clockwise from ahead, as in Ousters. The
+    reflectivity is 0, which the augmentation has shown to the network, because data sets have no common scale of it.
+
+    Args:
+        points: (n, 4) x, y, z [m] and remission; points at the origin are no returns.
+        rows: rings.
+        columns: of the image.
+    """
+    distance = np.linalg.norm(points[:, :3], axis=1)
+    returned = distance > 0.1
+    elevation = np.arcsin(points[:, 2] / np.maximum(distance, 0.1))
+    low, high = (elevation[returned].min(), elevation[returned].max()) if returned.any() else (0.0, 0.0)
+    row = np.round((high - elevation) / max(high - low, 1e-6) * (rows - 1)).clip(0, rows - 1).astype(int)
+    column = np.floor(-np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) * columns).astype(int) % columns
+    image = np.zeros((rows, columns, 5), np.float32)
+    far_first = np.argsort(-distance)
+    kept = far_first[returned[far_first]]  # of several points in a pixel, the nearest remains
+    image[row[kept], column[kept], :3] = points[kept, :3]
+    image[row[kept], column[kept], 4] = 1.0
+    return image, (row, column)
+
+
+def rows_of_clouds(options: argparse.Namespace) -> Iterator[Row]:
+    """Score a network of clouds on the clouds of each folder."""
+    from segmentation import confusion, load, predict
+
+    network, settings = load(options.clouds)
+    if settings.channels != 5:
+        raise ConfigurationError(f"{options.clouds} is a network of images; --clouds needs one of train_clouds.py")
+    for folder in options.real:
+        frames = frames_of(folder, options.layout, clouds=True).between(options.start, options.end)
+        other = len(frames.layout.coarse_classes)
+        of = np.minimum(of_names(settings.classes, clouds=True), other)
+        matrix = np.zeros((other + 1, other + 1), np.int64)
+        for k in range(len(frames)):
+            points, truth = frames[k]
+            image, pixels = range_image(points, settings.height, settings.width)
+            found = predict(network, image[None])[0].argmax(axis=0)
+            matrix += confusion(truth, of[found[pixels]], other + 1)
+        yield Row("synthetic", f"{frames.layout.name} ({len(frames)})", frames.layout, matrix)
 
 
 def write_sheet(path: Path, frames: Frames, chosen: Sequence[int], masks: Sequence[NDArray[np.uint8]]) -> None:
@@ -206,23 +252,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _statistics(given[1:])
         else:
             _scores(given)
-    except ConfigurationError as error:
+    except FieldtruthError as error:
         print(f"transfer.py: {error}", file=sys.stderr)
         raise SystemExit(2) from None
 
 
 def _scores(given: Sequence[str]) -> None:
     options = _parser().parse_args(given)
-    if not (options.checkpoint or options.real_only):
-        raise ConfigurationError("--checkpoint or --real-only is needed: there is no network to score")
+    if not (options.checkpoint or options.real_only or options.clouds):
+        raise ConfigurationError("--checkpoint, --real-only or --clouds is needed: there is no network to score")
     if options.fine_tune and not options.checkpoint:
         raise ConfigurationError("--fine-tune needs --checkpoint, from which it goes on")
     if options.real_only or options.fine_tune:
         _check_blocks(options)
-    rows = list(rows_of(options))
-    print(table(rows))
+    rows = list(rows_of(options)) if options.checkpoint or options.real_only else []
+    of_clouds = list(rows_of_clouds(options)) if options.clouds else []
+    print("\n\n".join(table(each) for each in (rows, of_clouds) if each))
     if options.json:
-        found = [row._asdict() | {"matrix": row.matrix.tolist(), "figures": row.figures()} for row in rows]
+        found = [
+            {"network": row.network, "frames": row.frames, "figures": row.figures(), "matrix": row.matrix.tolist()}
+            for row in (*rows, *of_clouds)
+        ]
         options.json.write_text(json.dumps(found, indent=1) + "\n")
 
 
@@ -252,11 +302,12 @@ def _statistics(given: Sequence[str]) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="transfer.py", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("real", nargs="+", type=Path, metavar="REAL", help="folder of real pairs")
-    names = ", ".join(layout.name for layout in LAYOUTS if not layout.is_cloud)
+    names = ", ".join(layout.name for layout in LAYOUTS)
     parser.add_argument("--layout", default="", help=f"{names}; by default the first that has pairs there")
     parser.add_argument("--from", dest="start", type=int, default=0, help="number of the first pair that is scored")
     parser.add_argument("--to", dest="end", type=int, default=sys.maxsize, help="number after the last one")
     parser.add_argument("--checkpoint", type=Path, help="network trained by examples/train_images.py")
+    parser.add_argument("--clouds", type=Path, help="network trained by examples/train_clouds.py, scored on clouds")
     parser.add_argument("--real-only", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument("--fine-tune", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument("--train-from", type=int, default=0, help="number of the first pair to train on")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import transfer
 from PIL import Image
-from real_frames import IGNORED, IMAGE_CLASSES, MERGED_IMAGE, frames_of
+from real_frames import IGNORED, IMAGE_CLASSES, LAYOUTS, MERGED_IMAGE, frames_of
 from scene_statistics import WIDTH, figures, hue_and_saturation, images_of, statistics, table
 
 SKY, TRAIL, GRASS, VEGETATION, OBSTACLE = range(5)
@@ -35,20 +35,26 @@ def test_merged_classes() -> None:
     matrix[TRAIL, GRASS], matrix[GRASS, GRASS], matrix[GRASS, OBSTACLE] = 4, 5, 1
     matrix[VEGETATION, VEGETATION], matrix[VEGETATION, TRAIL] = 7, 2
     matrix[OBSTACLE, SKY] = 100  # true obstacles do not count
-    assert transfer.merged(matrix, MERGED_IMAGE).tolist() == [[10, 0, 0, 0], [0, 9, 0, 1], [0, 2, 7, 0], [0, 0, 0, 0]]
+    assert transfer.merged(matrix, IMAGE_CLASSES, MERGED_IMAGE).tolist() == [
+        [10, 0, 0, 0],
+        [0, 9, 0, 1],
+        [0, 2, 7, 0],
+        [0, 0, 0, 0],
+    ]
 
 
 def test_figures_of_a_row() -> None:
     pytest.importorskip("torch")
     matrix = np.zeros((6, 6), np.int64)
     matrix[SKY, SKY], matrix[TRAIL, TRAIL], matrix[TRAIL, GRASS], matrix[TRAIL, 5] = 6, 1, 2, 1
-    found = transfer.Row("a", "b", matrix, False).figures()
+    by_name = {layout.name: layout for layout in LAYOUTS}
+    found = transfer.Row("a", "b", by_name["ycor"], matrix).figures()
     assert found["sky"] == 1.0
     assert found["trail"] == pytest.approx(1 / 4)
     assert found["mean"] == pytest.approx((1 + 1 / 4) / 2)  # classes without a true pixel do not count
     assert found["mean of 3"] == pytest.approx((1 + 3 / 4) / 2)
-    assert found["pixels"] == pytest.approx(7 / 10)
-    of_merged = transfer.Row("a", "b", matrix, True).figures()
+    assert found["right"] == pytest.approx(7 / 10)
+    of_merged = transfer.Row("a", "b", by_name["orfd"], matrix).figures()
     assert np.isnan(of_merged["sky"])
     assert np.isnan(of_merged["mean"])
     assert of_merged["mean of 3"] == found["mean of 3"]
@@ -93,8 +99,36 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     first, real, both = json.loads((tmp_path / "figures.json").read_text())
     assert (real["network"], both["network"]) == ("real, 2 pairs", "synthetic, then real, 1 pairs")
     assert np.sum(first["matrix"]) == 2 * 32 * 64
-    assert real["figures"]["pixels"] > max(0.8, first["figures"]["pixels"])
+    assert real["figures"]["right"] > max(0.8, first["figures"]["right"])
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
+
+
+def test_range_image() -> None:
+    """Four directions, 90 degrees apart; the nearer of two points in a pixel is seen, and no return is none."""
+    points = np.array(
+        [[5, -0.1, 2, 0.3], [0.1, -5, -2, 0.3], [-5, -0.1, 0, 0.3], [9, -0.1, 3.6, 0.3], [0, 0, 0, 0]], np.float32
+    )
+    image, (row, column) = transfer.range_image(points, 3, 4)
+    assert row[:4].tolist() == [0, 2, 1, 0]
+    assert column[:4].tolist() == [0, 0, 1, 0]
+    assert image[..., 4].sum() == 3
+    assert image[0, 0].tolist() == pytest.approx([5, -0.1, 2, 0, 1])
+
+
+def test_clouds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A network that sees ground below the horizon and trees above it; people count as neither."""
+    segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    points = np.array([[5, -1, 1, 0], [5, -2, 1, 0], [5, -1, -1, 0], [-5, 1, -1, 0], [0, 3, -1, 0]], np.float32)
+    points.tofile(tmp_path / "000104.bin")
+    np.array([4, 19, 3, 3, 17], np.uint32).tofile(tmp_path / "000104.label")
+    settings = segmentation.Settings(("grass", "tree", "bush"), 4, 32, 5)
+    shares = np.zeros((1, 3, 4, 32), np.float32)
+    shares[:, 0, 2:], shares[:, 1, :2] = 1.0, 1.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(segmentation, "load", lambda path: (None, settings))
+        patch.setattr(segmentation, "predict", lambda network, images: shares)
+        transfer.main([str(tmp_path), "--clouds", "any.pt"])
+    assert "| synthetic | rellis-clouds (1) | 100.0 | 0.0 | 50.0 | 50.0 | 100.0 | 75.0 |" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
