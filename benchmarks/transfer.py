@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from real_frames import IGNORED, IMAGE_CLASSES, LAYOUTS, MERGED_CLOUD, MERGED_IMAGE, Frames, Layout, frames_of, of_names
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
@@ -173,7 +172,7 @@ def rows_of(options: argparse.Namespace) -> Iterator[Row]:
             yield Row(name, f"{frames.layout.name} {numbers} ({len(frames)})", frames.layout, matrix)
 
 
-def range_image(points: Array, rows: int, columns: int) -> tuple[NDArray[np.float32], tuple[Any, Any]]:
+def range_image(points: NDArray[Any], rows: int, columns: int) -> tuple[NDArray[np.float32], tuple[Any, Any]]:
     """Return the range image of a scan, as a network of examples/train_clouds.py takes it, and each point's pixel.
 
     Rings are taken to be evenly spaced, the highest first, and columns go clockwise from ahead, as in Ousters. The
