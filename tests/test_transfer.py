@@ -104,7 +104,7 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_range_image() -> None:
-    """Four directions, 90 degrees apart; the nearer of two points in a pixel is seen, and no return is none."""
+    """The nearer of two points in a pixel is seen, and a point without a return is not."""
     points = np.array(
         [[5, -0.1, 2, 0.3], [0.1, -5, -2, 0.3], [-5, -0.1, 0, 0.3], [9, -0.1, 3.6, 0.3], [0, 0, 0, 0]], np.float32
     )
