@@ -48,6 +48,7 @@ def parser(description: str | None, network: str, others: str, count: int) -> ar
     made.add_argument("data", type=Path, metavar="DATA", help="folder of runs")
     made.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the results")
     made.add_argument("--minutes", type=float, default=50.0, help="time of the training; reading comes on top (50)")
+    made.add_argument("--steps", type=int, help="of the training, in place of a time: the same on every machine")
     made.add_argument("--label-map", default="offroad", help="classes, from `fieldtruth list label-maps` (offroad)")
     made.add_argument("--network", default=network, help=f"{network}{others} ({network})")
     made.add_argument("--frames", type=int, default=count, help=f"most frames of train; a quarter in others ({count})")
@@ -71,6 +72,7 @@ def run(task: Task, options: argparse.Namespace) -> None:
         *arrays["train"],
         out=options.out,
         minutes=options.minutes,
+        steps=options.steps,
         batch=options.batch,
         learning_rate=options.learning_rate,
         augment=task.augment,
@@ -95,7 +97,7 @@ def call(main: Callable[[list[str]], None]) -> None:
 
 
 def _check(options: argparse.Namespace) -> None:
-    for name in ("minutes", "learning_rate", "frames", "batch"):
+    for name in ("minutes", "learning_rate", "frames", "batch", *(("steps",) if options.steps is not None else ())):
         if not getattr(options, name) > 0:
             raise ft.ConfigurationError(f"--{name.replace('_', '-')} must be above 0, got {getattr(options, name)}")
 

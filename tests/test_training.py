@@ -236,8 +236,8 @@ def test_a_run_becomes_results(script: Any, size: list[str], small_run: Path, tm
         str(tmp_path / "data"),
         "--out",
         str(out),
-        "--minutes",
-        "0.01",
+        "--steps",
+        "2",
         "--batch",
         "2",
         "--workers",
@@ -293,7 +293,7 @@ def test_networks_know_worlds_that_they_have_not_seen(tmp_path: Path) -> None:
     )
     for script, size in ((train_images, ["--width", "128", "--height", "68"]), (train_clouds, ["--width", "256"])):
         out = tmp_path / script.__name__
-        script.main([str(tmp_path / "data"), "--out", str(out), "--minutes", "1", "--batch", "8", *size])
+        script.main([str(tmp_path / "data"), "--out", str(out), "--steps", "400", "--batch", "8", *size])
         scores = json.loads((out / "scores.json").read_text("utf-8"))
         assert scores["split"] == "test"
         assert scores["mean_iou"] > best_without_looking(out, len(scores["iou"])) + 0.15
