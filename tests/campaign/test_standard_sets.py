@@ -13,7 +13,7 @@ from fieldtruth.campaign.files import CAMPAIGNS, check_campaign, load_campaign, 
 from fieldtruth.core.registry import VARIABLE
 
 
-@pytest.mark.parametrize(("name", "along"), [("standard-images", 2 / 3), ("standard-clouds", 1 / 2)])
+@pytest.mark.parametrize(("name", "along"), [("standard-images", 4 / 5), ("standard-clouds", 1 / 2)])
 def test_each_run_is_another_world_in_one_split(name: str, along: float) -> None:
     campaign = load_campaign(name)
     check_campaign(campaign, name)

@@ -21,6 +21,7 @@ from fieldtruth import (
     RouteConfig,
     UnknownNameError,
 )
+from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.config import ControlConfig, metres_from_route
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
@@ -234,9 +235,15 @@ def test_cameras_must_be_a_rectified_stereo_pair() -> None:
     np.testing.assert_allclose(pair.right.base_from_sensor, right.base_from_sensor, atol=1e-12)
 
 
+def test_keys_of_a_merged_mapping_are_not_duplicates() -> None:
+    text = "a: &a {b: 1, c: 2}\nd:\n  <<: *a\n  c: 3\n  e: 4\n"
+    assert parse_mapping(text, "run.yaml")["d"] == {"b": 1, "c": 3, "e": 4}
+
+
 BROKEN_TEXTS = [
     ("name: [a\nseed: 0\n", r"run\.yaml: invalid YAML at line 2, column 5: "),
     ("seed: 1\nname: a\nseed: 2\n", r"run\.yaml: invalid YAML at line 3, column 1: duplicate key 'seed'"),
+    ("a: &a {b: 1}\nc:\n  <<: *a\n  d: 1\n  d: 2\n", r"run\.yaml: invalid YAML at line 5, column 3: duplicate key 'd'"),
     ("name: 2024-13-45\n", r"run\.yaml: invalid YAML: month must be in 1\.\.12"),
     ("name: a\nenvironment: \x07\n", r"run\.yaml: invalid YAML at line 2: special characters are not allowed"),
     (

@@ -16,14 +16,17 @@ from fieldtruth.core.errors import ConfigurationError
 MAX_FILE_SIZE: Final = 4 << 20  # [byte]; enough for 50,000 waypoints, and keeps bags from being parsed
 _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
+_MERGE: Final = "tag:yaml.org,2002:merge"
+"""Tag of the key ``<<``."""
+
 
 class _Loader(yaml.SafeLoader):
     """Safe YAML 1.1, except that a duplicate key is an error and ``1e3`` is a number as in YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
-        for i, (key, _) in enumerate(node.value):
-            if isinstance(key, yaml.ScalarNode) and key.value in keys[:i]:
+        keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE]
+        for i, key in enumerate(keys):
+            if key.value in [other.value for other in keys[:i]]:
                 raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key.value!r}", key.start_mark)
         return super().construct_mapping(node, deep)
 
