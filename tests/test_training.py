@@ -293,7 +293,7 @@ def test_networks_know_worlds_that_they_have_not_seen(tmp_path: Path) -> None:
     )
     for script, size in ((train_images, ["--width", "128", "--height", "68"]), (train_clouds, ["--width", "256"])):
         out = tmp_path / script.__name__
-        script.main([str(tmp_path / "data"), "--out", str(out), "--steps", "400", "--batch", "8", *size])
+        script.main([str(tmp_path / "data"), "--out", str(out), "--steps", "250", "--batch", "8", *size])
         scores = json.loads((out / "scores.json").read_text("utf-8"))
         assert scores["split"] == "test"
         assert scores["mean_iou"] > best_without_looking(out, len(scores["iou"])) + 0.15
