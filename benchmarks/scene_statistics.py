@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of labelled images that say how scenes are composed and coloured, for real frames and for our own."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -53,15 +54,15 @@ class OwnFrames:
         return sample["image"].transpose(1, 2, 0), np.append(self.classes, np.uint8(IGNORED))[mask]
 
 
-def images_of(folder: Path) -> LabelledImages:
-    """Find labelled images: our runs, or those of a layout of a data set.
+def images_of(folder: Path, start: int = 0, end: int = sys.maxsize) -> LabelledImages:
+    """Find labelled images: our runs, or those of a layout of a data set, of these numbers.
 
     Raises:
         ft.ConfigurationError: there are neither.
     """
     if folder.is_dir() and any(next(folder.rglob(name), None) for name in ("*.bag", "*.mcap", "*.db3")):
         return OwnFrames(folder)
-    return frames_of(folder)
+    return frames_of(folder).between(start, end)
 
 
 def figures(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> dict[str, float]:

@@ -4,7 +4,7 @@
 
 Run: python benchmarks/transfer.py REAL [REAL ...] --checkpoint FILE [--from N] [--to N] [--sheet FILE]
          [--real-only N ...] [--fine-tune N ...] [--train-from N --train-to N] [--minutes M] [--clouds FILE]
-     python benchmarks/transfer.py statistics FOLDER [FOLDER ...] [--count N]
+     python benchmarks/transfer.py statistics FOLDER [FOLDER ...] [--count N] [--from N] [--to N]
 
 REAL is a folder in one of the layouts of benchmarks/real_frames.py. ``--from`` and ``--to`` select the pairs that are
 scored, ``--train-from`` and ``--train-to`` those of the first REAL that ``--real-only`` and ``--fine-tune`` train on:
@@ -57,7 +57,8 @@ class Row(NamedTuple):
         found = {name: float(value) for name, value in right.items()}
         of_groups = iou(merged(self.matrix, classes, groups))[:-1]
         found |= {"mean": _mean(list(found.values())), f"mean of {len(groups)}": _mean(list(of_groups))}
-        return found | {"right": float(np.trace(self.matrix) / max(self.matrix.sum(), 1))}
+        counted = merged(self.matrix, classes, groups) if self.layout.is_merged else self.matrix
+        return found | {"right": float(np.trace(counted) / max(counted.sum(), 1))}
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -113,15 +114,17 @@ def score(network: Any, settings: Any, frames: Frames) -> tuple[NDArray[np.int64
 
 
 def training_set(frames: Frames, settings: Any) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Read images (n, h, w, 3) and masks (n, h, w) of a network's classes, as wide as those that it was made for."""
+    """Read images (n, h, w, 3) and masks (n, h, w) of a network's classes, of the size that it was made for."""
+    from frame_arrays import small_image, small_mask
+
     of = list(_of_network(settings))
     index = np.full(256, IGNORED, np.uint8)
     index[: len(IMAGE_CLASSES)] = [of.index(k) if k in of else IGNORED for k in range(len(IMAGE_CLASSES))]
     images, masks = list[NDArray[np.uint8]](), list[NDArray[np.uint8]]()
     for k in range(len(frames)):
         image, mask = frames[k]
-        images.append(resized(image, settings.width, images[0].shape[0] if images else None))
-        masks.append(index[resized(mask, settings.width, len(images[0]))])
+        images.append(small_image(image, settings.height, settings.width))
+        masks.append(index[small_mask(mask, settings.height, settings.width)])
     return np.stack(images), np.stack(masks)
 
 
@@ -150,7 +153,10 @@ def networks(options: argparse.Namespace) -> Iterator[tuple[str, Any, Any]]:
     from segmentation import load
 
     if options.checkpoint:
-        yield "synthetic", *load(options.checkpoint)
+        network, settings = load(options.checkpoint)
+        if settings.channels != 3:
+            raise ConfigurationError(f"{options.checkpoint} is a network of clouds; --clouds scores those")
+        yield "synthetic", network, settings
     for count in options.real_only:
         network, settings, pairs = trained(options, count, goes_on=False)
         yield f"real, {pairs} pairs", network, settings
@@ -264,15 +270,37 @@ def _scores(given: Sequence[str]) -> None:
         raise ConfigurationError("--fine-tune needs --checkpoint, from which it goes on")
     if options.real_only or options.fine_tune:
         _check_blocks(options)
-    rows = list(rows_of(options)) if options.checkpoint or options.real_only else []
-    of_clouds = list(rows_of_clouds(options)) if options.clouds else []
-    print("\n\n".join(table(each) for each in (rows, of_clouds) if each))
-    if options.json:
-        found = [
-            {"network": row.network, "frames": row.frames, "figures": row.figures(), "matrix": row.matrix.tolist()}
-            for row in (*rows, *of_clouds)
-        ]
-        options.json.write_text(json.dumps(found, indent=1) + "\n")
+    for path in (options.sheet, options.json):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ConfigurationError(f"{path} cannot be written: {path.absolute().parent} is not a folder")
+    if options.sheet is not None and options.sheet.suffix.lower() not in (".png", ".jpg"):
+        raise ConfigurationError(f"--sheet must end with .png or .jpg, got {options.sheet}")
+    written = list[Row]()
+    for rows in (
+        rows_of(options) if options.checkpoint or options.real_only else (),
+        rows_of_clouds(options) if options.clouds else (),
+    ):
+        for k, row in enumerate(rows):  # each when it is there, because the next one may take an hour
+            print(table([row]) if k == 0 else table([row]).splitlines()[-1], flush=True)
+            written.append(row)
+            if options.json:
+                _write_json(options.json, written)
+
+
+def _write_json(path: Path, rows: Sequence[Row]) -> None:
+    """Write figures, null where there is none, and confusions to a file that is whole at any time."""
+    found = [
+        {
+            "network": row.network,
+            "frames": row.frames,
+            "figures": {name: None if np.isnan(value) else value for name, value in row.figures().items()},
+            "matrix": row.matrix.tolist(),
+        }
+        for row in rows
+    ]
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    part.replace(path)
 
 
 def _check_blocks(options: argparse.Namespace) -> None:
@@ -294,8 +322,11 @@ def _statistics(given: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="transfer.py statistics", description=images_of.__doc__)
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="runs of ours, or real pairs")
     parser.add_argument("--count", type=_number, default=200, help="images of each folder, evenly spaced")
+    parser.add_argument("--from", dest="start", type=int, default=0, help="number of the first pair, of real ones")
+    parser.add_argument("--to", dest="end", type=int, default=sys.maxsize, help="number after the last one")
     options = parser.parse_args(given)
-    print(table({folder.name: statistics(images_of(folder), options.count) for folder in options.folders}))
+    found = {str(folder): images_of(folder, options.start, options.end) for folder in options.folders}
+    print(table({name: statistics(images, options.count) for name, images in found.items()}))
 
 
 def _parser() -> argparse.ArgumentParser:

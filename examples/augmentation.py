@@ -9,16 +9,16 @@ import math
 
 import torch
 from torch import Tensor
-from torch.nn.functional import affine_grid, conv2d, grid_sample, pad
+from torch.nn.functional import affine_grid, avg_pool2d, conv2d, grid_sample, interpolate, pad
 
 IGNORED = 255
-ZOOM = (0.8, 2.0)
+ZOOM = (0.7, 1.6)
 ASPECT = 0.1
 TURN = math.radians(6.0)
 
 
 def photos(images: Tensor, masks: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Mirror, scale, crop and turn photographs and their masks; change colours, sharpness and noise.
+    """Mirror, scale, crop and turn photographs and their masks; change shade, colours, sharpness and noise.
 
     Args:
         images: (n, 3, h, w) in 0 to 1.
@@ -26,7 +26,19 @@ def photos(images: Tensor, masks: Tensor, generator: torch.Generator) -> tuple[T
         generator: of the same device.
     """
     images, masks = moved(images, masks, generator)
-    return _blurred(coloured(images, generator), generator), masks
+    images = coloured(shaded(images, masks, generator), generator)
+    images = _sharpened(images, generator)
+    sigma = _uniform(generator, len(images), 0.0, 0.04).view(-1, 1, 1, 1)
+    return (images + sigma * _normal(generator, *images.shape)).clamp(0.0, 1.0), masks
+
+
+def shaded(images: Tensor, masks: Tensor, generator: torch.Generator) -> Tensor:
+    """Make each class brighter or darker than the others, and parts of the image, as species, soils and shade do."""
+    n, _, h, w = images.shape
+    gains = torch.exp(0.3 * _normal(generator, n, 256)).gather(1, masks.view(n, -1)).view(n, 1, h, w)
+    gains = avg_pool2d(gains, 5, stride=1, padding=2, count_include_pad=False)  # no halos
+    parts = interpolate(_normal(generator, n, 1, 4, 8), size=(h, w), mode="bilinear", align_corners=False)
+    return (images * gains * torch.exp(0.3 * parts)).clamp(0.0, 1.0)
 
 
 def moved(images: Tensor, masks: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -49,7 +61,7 @@ def moved(images: Tensor, masks: Tensor, generator: torch.Generator) -> tuple[Te
 
 
 def coloured(images: Tensor, generator: torch.Generator) -> Tensor:
-    """Change exposure, white balance, colour matrix, saturation, gamma, contrast, haze and noise, as cameras differ."""
+    """Change exposure, white balance, colour matrix, saturation, gamma, contrast and haze, as cameras differ."""
     n = len(images)
 
     def each(values: Tensor) -> Tensor:
@@ -66,9 +78,7 @@ def coloured(images: Tensor, generator: torch.Generator) -> Tensor:
     middle = x.mean(dim=(1, 2, 3), keepdim=True)
     x = middle + each(torch.exp(0.2 * _normal(generator, n))) * (x - middle)
     haze = each(_uniform(generator, n, 0.0, 0.3) * (_uniform(generator, n, 0.0, 1.0) < 0.3))
-    x = x + haze * (0.8 - x)
-    sigma = each(_uniform(generator, n, 0.0, 0.04))
-    return (x + sigma * _normal(generator, *images.shape)).clamp(0.0, 1.0)
+    return (x + haze * (0.8 - x)).clamp(0.0, 1.0)
 
 
 def clouds(images: Tensor, masks: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -114,15 +124,17 @@ def _turn(generator: torch.Generator, by: Tensor, is_mirrored: Tensor, columns: 
     return scale * tilt @ turn
 
 
-def _blurred(images: Tensor, generator: torch.Generator) -> Tensor:
-    """Blur each image by a Gaussian of its own; a third are left as they are."""
+def _sharpened(images: Tensor, generator: torch.Generator) -> Tensor:
+    """Blur or sharpen each image: by -1 to 1.5 times what a Gaussian of its own takes away."""
     n, c, h, w = images.shape
-    sigma = _uniform(generator, n, -0.6, 1.2).clamp(min=0.01)
+    sigma = _uniform(generator, n, 0.4, 1.2)
+    amount = _uniform(generator, n, -1.0, 1.5).view(n, 1, 1, 1)
     taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0, device=images.device)[None] / sigma[:, None]) ** 2)
     taps = (taps / taps.sum(dim=1, keepdim=True)).repeat_interleave(c, dim=0)
     x = pad(images.reshape(1, n * c, h, w), (3, 3, 3, 3), mode="replicate")
     x = conv2d(x, taps.view(n * c, 1, 1, 7), groups=n * c)
-    return conv2d(x, taps.view(n * c, 1, 7, 1), groups=n * c).view(n, c, h, w)
+    blurred = conv2d(x, taps.view(n * c, 1, 7, 1), groups=n * c).view(n, c, h, w)
+    return (images + amount * (images - blurred)).clamp(0.0, 1.0)
 
 
 def _uniform(generator: torch.Generator, n: int, low: float, high: float) -> Tensor:

@@ -23,7 +23,7 @@ WATCHED = 96  # frames of val that are scored in the middle of the training
 
 @dataclass(frozen=True)
 class Task:
-    """What a baseline trains on.
+    """Frames that a baseline trains on.
 
     Attributes:
         items: of a sample that ``shrink`` takes.
@@ -75,6 +75,7 @@ def run(task: Task, options: argparse.Namespace) -> None:
         steps=options.steps,
         batch=options.batch,
         learning_rate=options.learning_rate,
+        data=(options.out / "frames" / "train.json").read_text("utf-8"),
         augment=task.augment,
         watch=_watch(arrays["val"] if "val" in arrays else arrays["test"], classes.names),
     )
@@ -100,6 +101,11 @@ def _check(options: argparse.Namespace) -> None:
     for name in ("minutes", "learning_rate", "frames", "batch", *(("steps",) if options.steps is not None else ())):
         if not getattr(options, name) > 0:
             raise ft.ConfigurationError(f"--{name.replace('_', '-')} must be above 0, got {getattr(options, name)}")
+    for name, least in (("width", 32), ("height", 32), ("workers", 0), ("seed", 0)):
+        if getattr(options, name, least) < least:
+            raise ft.ConfigurationError(f"--{name} must be at least {least}, got {getattr(options, name)}")
+    if options.out.is_file():
+        raise ft.ConfigurationError(f"--out must be a folder, but {options.out} is a file")
 
 
 def _arrays(task: Task, options: argparse.Namespace) -> dict[str, frame_arrays.Arrays]:

@@ -60,7 +60,12 @@ def splits_of(folder: Path, seed: int, **options: Any) -> dict[str, ft.Runs]:
     if found:
         if "train" not in found or len(found) < 2:
             raise ft.ConfigurationError(f"{folder} must have the folders train and val or test, got {', '.join(found)}")
-        return {name: ft.open_runs(folder / name, **options) for name in found}
+        opened = {name: ft.open_runs(folder / name, **options) for name in found}
+        worlds = {name: {run.run.world for run in runs.runs} - {None} for name, runs in opened.items()}
+        for name in found[1:]:
+            if common := len(worlds["train"] & worlds[name]):
+                print(f"warning: train and {name} have {common} worlds in common, so scores are not of unseen worlds")
+        return opened
     runs = ft.open_runs(folder, **options)
     return ft.split(runs, by="world", rng=np.random.default_rng(seed), **SHARES)
 
@@ -77,14 +82,17 @@ def read(runs: ft.Runs, shrink: Shrink, count: int, path: Path, key: dict[str, A
         workers: processes that read.
     """
     chosen = np.unique(np.linspace(0, len(runs) - 1, min(count, len(runs))).astype(np.int64))
-    key = key | {"runs": list(runs.names), "frames": len(chosen), "of": len(runs)}
+    bags = [(run.run.bag, run.run.bag.stat()) for run in runs.runs]
+    key = key | {"bags": [[str(bag), stat.st_size, stat.st_mtime_ns] for bag, stat in bags], "frames": chosen.tolist()}
     files = [path.with_suffix(f".{name}.npy") for name in ("images", "masks")]
-    stamp = path.with_suffix(".json")
-    if not stamp.exists() or json.loads(stamp.read_text(encoding="utf-8")) != key:
+    stamp, text = path.with_suffix(".json"), json.dumps(key)
+    if not all(file.exists() for file in (stamp, *files)) or stamp.read_text(encoding="utf-8") != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         stamp.unlink(missing_ok=True)
         _write(files, Subset(_Shrunk(runs, shrink), chosen.tolist()), path.name, workers)
-        stamp.write_text(json.dumps(key), encoding="utf-8")
+        part = stamp.with_suffix(".part")
+        part.write_text(text, encoding="utf-8")
+        part.replace(stamp)
     images, masks = (np.load(file, mmap_mode="r") for file in files)
     return images, masks
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Networks that give a class to each pixel: a compact U-Net, the same for range images, and one with weights of others.
 
-All take (n, channels, h, w) and return logits (n, classes, h, w), for any height and width of at least 16.
+All take (n, channels, h, w) and return logits (n, classes, h, w), for any height and width of at least 32.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ import fieldtruth as ft
 UNET_WIDTHS = (16, 32, 64, 128, 224)
 RANGE_WIDTHS = (24, 40, 64, 96)
 DECODER_WIDTH = 48
-IMAGE_MEAN, IMAGE_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet, as the encoder's weights expect
+MIDDLE, HALF_RANGE = 0.5, 0.5  # of the input of EfficientNet-Lite, whose weights come from TensorFlow: -1 to 1
 ENCODER = "efficientnet-lite0"
 
 
@@ -91,13 +91,20 @@ class LiteUNet(nn.Module):  # type: ignore[misc]
         if channels != 3:
             raise ft.ConfigurationError(f"{ENCODER} takes images of 3 channels, got {channels}")
         self.encoder = _encoder()
-        self.register_buffer("mean", torch.tensor(IMAGE_MEAN).view(1, 3, 1, 1))
-        self.register_buffer("std", torch.tensor(IMAGE_STD).view(1, 3, 1, 1))
         with torch.no_grad():
+            self.encoder.eval()
             widths = [each.shape[1] for each in self._features(torch.zeros(1, 3, 64, 64))]
         self.side = nn.ModuleList(nn.Conv2d(width, DECODER_WIDTH, 1) for width in widths)
         self.up = nn.ModuleList(_pair(DECODER_WIDTH, DECODER_WIDTH, False) for _ in widths[1:])
         self.head = nn.Conv2d(DECODER_WIDTH, classes, 1)
+
+    def train(self, mode: bool = True) -> "LiteUNet":
+        """Set the mode; the encoder keeps its means and variances of ImageNet, which a small batch would blur."""
+        super().train(mode)
+        for module in self.encoder.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.eval()
+        return self
 
     def _features(self, x: Tensor) -> list[Tensor]:
         """Return the last features of each resolution, 1/2 to 1/32."""
@@ -114,7 +121,7 @@ class LiteUNet(nn.Module):  # type: ignore[misc]
 
     def forward(self, x: Tensor) -> Tensor:
         """Return logits."""
-        features = self._features((x - self.mean) / self.std)
+        features = self._features((x - MIDDLE) / HALF_RANGE)
         y = self.side[-1](features[-1])
         for stage, side, skip in zip(self.up, self.side[-2::-1], features[-2::-1], strict=True):
             y = stage(_resized(y, skip.shape[-2:]) + side(skip))

@@ -75,6 +75,7 @@ def figures(scores: Scores, classes: tuple[str, ...]) -> dict[str, Any]:
         "accuracy": round(right / max(1, pixels), 4),
         "calibration_error": round(calibration_error(scores.reliability), 4),
         "majority_iou": round(majority_iou(matrix), 4),
+        "share": {name: round(n / max(1, pixels), 5) for name, n in zip(classes, matrix.sum(axis=1), strict=True)},
         "pixels": pixels,
     }
 

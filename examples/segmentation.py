@@ -32,12 +32,14 @@ LINE_S = 30.0
 WARM_UP = 0.1  # share of the budget in which the learning rate rises
 WATCHES = 10  # times that ``watch`` is called in a training
 WEIGHT_DECAY = 1e-4
+CHUNK = 64  # masks that are counted at once
+SLOW = 0.1  # learning rate of an encoder with weights of others, as a share: a high one would undo what it knows
 WEIGHT_POWER = 0.5  # a class that is a hundredth as frequent weighs ten times as much
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a network is: its classes, the size of the images that it was trained on, and its kind.
+    """Classes of a network, the size of the images that it was trained on, and its kind.
 
     Attributes:
         classes: names; the mask has their index.
@@ -63,6 +65,7 @@ class Plan(TypedDict, total=False):
     steps: number of steps in place of the budget of time, for the same weights on every machine: None.
     learning_rate: the highest: 3e-3.
     batch: images in a step: 16.
+    data: text that tells other frames from these, so that a training does not go on with others: "".
     augment: changes each batch; see ``Augment``: None.
     watch: figures by name of the network in the middle of the training, for TensorBoard: None.
     """
@@ -71,6 +74,7 @@ class Plan(TypedDict, total=False):
     steps: int | None
     learning_rate: float
     batch: int
+    data: str
     augment: Augment | None
     watch: Callable[[nn.Module], Mapping[str, float]] | None
 
@@ -89,7 +93,8 @@ def make_network(settings: Settings) -> nn.Module:
 
 def class_weights(masks: NDArray[np.uint8], classes: int) -> NDArray[np.float32]:
     """Return weights of the loss by class: rare classes weigh more. Their mean over pixels is 1; 0 without a pixel."""
-    counts = np.bincount(masks.reshape(-1), minlength=256)[:classes]
+    parts = (masks[first : first + CHUNK].reshape(-1) for first in range(0, len(masks), CHUNK))  # it makes 8 bytes of 1
+    counts = np.sum([np.bincount(part, minlength=256)[:classes] for part in parts], axis=0)
     shares = counts / max(1, counts.sum())
     weights = np.where(counts, np.maximum(shares, 1e-6) ** -WEIGHT_POWER, 0.0)
     return np.asarray(weights / max(1e-9, (weights * shares).sum()), np.float32)
@@ -122,12 +127,15 @@ def fit(
     """
     if not len(images) or len(images) != len(masks):
         raise ft.ConfigurationError(f"images and masks must be equally many, at least 1: {len(images)}, {len(masks)}")
+    weights = torch.from_numpy(class_weights(masks, len(settings.classes))).to(device())
     training = _Training(network, settings, plan, out)
-    weights = torch.from_numpy(class_weights(masks, len(settings.classes))).to(training.device)
     network.train()
-    while not training.is_done():
-        loss = training.step(images, masks, weights)
-        training.report(loss, log)
+    try:
+        while not training.is_done():
+            loss = training.step(images, masks, weights)
+            training.report(loss, log)
+    finally:
+        training.close()
     network.eval()
     if out is not None:
         training.write_checkpoint()
@@ -141,10 +149,10 @@ class _Training:
         self.network, self.settings, self.device = network, settings, device()
         self.minutes, self.steps = plan.get("minutes", 50.0), plan.get("steps")
         self.rate, self.batch = plan.get("learning_rate", 3e-3), plan.get("batch", 16)
-        self.augment, self.watch = plan.get("augment"), plan.get("watch")
+        self.augment, self.watch, self.data = plan.get("augment"), plan.get("watch"), plan.get("data", "")
         self.path = None if out is None else out / "checkpoint.pt"
         network.to(self.device, memory_format=torch.channels_last)
-        self.optimiser = torch.optim.AdamW(network.parameters(), lr=self.rate, weight_decay=WEIGHT_DECAY)
+        self.optimiser = torch.optim.AdamW(_groups(network), lr=self.rate, weight_decay=WEIGHT_DECAY)
         self.done, self.before_s, self.losses = 0, 0.0, list[float]()
         self._resume()
         self.first = self.done
@@ -155,7 +163,7 @@ class _Training:
     def key(self) -> dict[str, Any]:
         """Return what must be equal for a training to go on from a checkpoint."""
         plan = {"minutes": self.minutes, "steps": self.steps, "learning_rate": self.rate, "batch": self.batch}
-        return asdict(self.settings) | {"classes": list(self.settings.classes)} | plan
+        return _values(self.settings) | plan | {"data": self.data}
 
     def progress(self) -> float:
         """Return the share of the budget that is used, in 0 to 1."""
@@ -170,13 +178,13 @@ class _Training:
     def step(self, images: NDArray[Any], masks: NDArray[np.uint8], weights: Tensor) -> float:
         """Do a step on a batch that follows from the seed and the number of the step alone; return the loss."""
         rng = np.random.default_rng((self.settings.seed, self.done))
-        chosen = np.sort(rng.choice(len(images), min(self.batch, len(images)), replace=False))
+        chosen = np.sort(self._next(len(images)))
         x, y = _batch(images[chosen], self.device), torch.from_numpy(masks[chosen]).to(self.device, torch.int64)
         if self.augment is not None:
             generator = torch.Generator(self.device).manual_seed(int(rng.integers(2**62)))
             x, y = self.augment(x, y, generator)
         for group in self.optimiser.param_groups:
-            group["lr"] = self.rate * one_cycle(self.progress())
+            group["lr"] = self.rate * group["share"] * one_cycle(self.progress())
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
             logits = self.network(x.contiguous(memory_format=torch.channels_last))
         loss = nn.functional.cross_entropy(logits.float(), y, weights, ignore_index=IGNORED)
@@ -186,6 +194,15 @@ class _Training:
         self.optimiser.step()
         self.done += 1
         return float(loss.detach())
+
+    def _next(self, count: int) -> NDArray[np.int64]:
+        """Return the images of this step; each of ``count`` images occurs once in an epoch, in an order of its own."""
+        places = self.done * self.batch + np.arange(self.batch)
+        orders = {
+            epoch: np.random.default_rng((self.settings.seed, epoch, count)).permutation(count)
+            for epoch in np.unique(places // count).tolist()
+        }
+        return np.array([orders[place // count][place % count] for place in places.tolist()])
 
     def report(self, loss: float, log: Log) -> None:
         """Print a line, write scalars and a checkpoint, each when its time has come."""
@@ -204,6 +221,11 @@ class _Training:
             self._write(figures)
         if monotonic() - self.saved_s >= CHECKPOINT_S:
             self.write_checkpoint()
+
+    def close(self) -> None:
+        """Write the last scalars."""
+        if self.board is not None:
+            self.board.close()
 
     def _left_s(self, speed: float) -> float:
         if self.steps is not None:
@@ -230,6 +252,7 @@ class _Training:
         for name, value in self.key().items():
             if state["key"].get(name) != value:
                 was = f"has a training with {name} {state['key'].get(name)}, not {value}"
+                was = "has a training on other frames" if name == "data" else was
                 raise ft.ConfigurationError(f"{self.path.parent} {was}; choose another folder, or remove this one")
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
@@ -244,14 +267,17 @@ def one_cycle(progress: float) -> float:
 
 
 def predict(network: nn.Module, images: NDArray[Any], batch: int = 16) -> NDArray[np.float32]:
-    """Return probabilities, (n, classes, h, w), of images (n, h, w, c)."""
+    """Return probabilities, (n, classes, h, w), of images (n, h, w, c); of photographs the mean of both mirrors."""
     where = device()
     network.to(where).eval()
     found = []
     with torch.no_grad():
         for first in range(0, len(images), batch):
-            logits = network(_batch(images[first : first + batch], where))
-            found.append(torch.softmax(logits.float(), dim=1).cpu().numpy())
+            x = _batch(images[first : first + batch], where)
+            shares = torch.softmax(network(x).float(), dim=1)
+            if x.shape[1] == 3:
+                shares = (shares + torch.softmax(network(x.flip(3)).float(), dim=1).flip(3)) / 2.0
+            found.append(shares.cpu().numpy())
     return np.concatenate(found)
 
 
@@ -271,8 +297,7 @@ def iou(matrix: NDArray[np.int64]) -> NDArray[np.float64]:
 
 def save(path: Path, network: nn.Module, settings: Settings) -> None:
     """Write a network and its settings to a file, which is whole at any time."""
-    key = asdict(settings) | {"classes": list(settings.classes)}
-    _write_atomically(Path(path), {"settings": key, "network": network.state_dict()})
+    _write_atomically(Path(path), {"settings": _values(settings), "network": network.state_dict()})
 
 
 def load(path: Path) -> tuple[nn.Module, Settings]:
@@ -285,12 +310,24 @@ def load(path: Path) -> tuple[nn.Module, Settings]:
         state = torch.load(path, map_location="cpu", weights_only=True)
         values = state["settings"]
         settings = Settings(**values | {"classes": tuple(values["classes"])})
+        network = make_network(settings)
+        network.load_state_dict(state["network"])
     except (OSError, EOFError, RuntimeError, LookupError, TypeError, ValueError, UnpicklingError) as error:
         reason = str(error).partition("\n")[0]  # a line, although torch writes pages
         raise ft.ConfigurationError(f"{path} is not a trained network: {reason}") from error
-    network = make_network(settings)
-    network.load_state_dict(state["network"])
     return network.to(device()).eval(), settings
+
+
+def _values(settings: Settings) -> dict[str, Any]:
+    return asdict(settings) | {"classes": list(settings.classes)}
+
+
+def _groups(network: nn.Module) -> list[dict[str, Any]]:
+    """Return the weights by the share of the learning rate that they have."""
+    encoder = list(network.encoder.parameters()) if hasattr(network, "encoder") else []
+    known = {id(each) for each in encoder}
+    rest = [each for each in network.parameters() if id(each) not in known]
+    return [{"params": each, "share": share} for each, share in ((rest, 1.0), (encoder, SLOW)) if each]
 
 
 def _batch(images: NDArray[Any], where: torch.device) -> Tensor:

@@ -236,8 +236,10 @@ def test_cameras_must_be_a_rectified_stereo_pair() -> None:
 
 
 def test_keys_of_a_merged_mapping_are_not_duplicates() -> None:
-    text = "a: &a {b: 1, c: 2}\nd:\n  <<: *a\n  c: 3\n  e: 4\n"
-    assert parse_mapping(text, "run.yaml")["d"] == {"b": 1, "c": 3, "e": 4}
+    text = "a: &a {b: 1, c: 2}\nd: &d\n  <<: *a\n  c: 3\n  e: 4\nf: {g: {h: {<<: *d, c: 5}}}\n"
+    found = parse_mapping(text, "run.yaml")
+    assert found["d"] == {"b": 1, "c": 3, "e": 4}
+    assert found["f"]["g"]["h"] == {"b": 1, "c": 5, "e": 4}
 
 
 BROKEN_TEXTS = [

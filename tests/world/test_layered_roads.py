@@ -25,7 +25,7 @@ size: [24, 16]
 parameters: {red: {value: 0.5, low: 0, high: 1}}
 trails: [[[-20, 1], [20, 1]]]
 trail_width: 4
-trail: {material: gravel, border: gravel, ragged: 0, painted: true}
+trail: {material: gravel, border: gravel, ragged: 0, painted: true, also: 6.5 - abs(x)}
 relief: {bank: 2 * (left < -5)}
 ground: {meadow: 1, gravel: trail < 0, mud: abs(left) < 0.5}
 tints: {mud: [1 + red, 1, 1 - red]}
@@ -47,6 +47,7 @@ def test_rules_of_the_ground_paint_trails(world: World) -> None:
     np.testing.assert_allclose(share["meadow"], [0, 0, 1])
     assert terrain.trail_materials == ()
     assert terrain.label_at([0, 0], [1.0, 4.0]).tolist() == [Label.TRAIL, Label.GROUND]
+    assert terrain.label_at([6, 7, -7], [4.0, 4.0, -6.0]).tolist() == [Label.GROUND, Label.TRAIL, Label.TRAIL]  # `also`
     assert world.backdrop is not None
     assert "gravel" in world.backdrop.materials  # of the trails that go on
 
@@ -102,3 +103,16 @@ def test_a_forest_road_can_be_driven_between_walls_of_bushes() -> None:
     away = edge.at(*bushes.T)
     assert away.min() > 1.0
     assert (away < 6).mean() > 0.7  # they are a wall, not all over the wood
+
+
+def test_bare_gravel_of_a_quarry_is_trail_wherever_it_is() -> None:
+    """What looks alike has one class: tracks and gravel of the yard are trail, litter and grass of banks are not."""
+    with without_textures():
+        terrain = build_world("quarry", 1, {"size": [50, 40], "grid": 0.1, "beyond": False, "litter": 0}).terrain
+    most = np.array(terrain.ground_materials)[terrain.cover.values.argmax(axis=-1)]
+    is_trail = terrain.trail_distance.values < 0
+    assert is_trail[most == "road_track"].mean() > 0.95
+    assert is_trail[most == "road_gravel"].mean() > 0.8
+    assert is_trail[np.isin(most, ["litter", "dry_grass", "rough_grass"])].mean() < 0.05
+    steep = np.hypot(*np.gradient(terrain.field.heights, terrain.field.spacing))
+    assert np.degrees(np.arctan(np.percentile(steep, 99))) < 50.0  # loose rock lies at 30 to 40 deg, and is rough

@@ -28,6 +28,7 @@ from fieldtruth.experiment.fields import configuration_error
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import SECTIONS
+from fieldtruth.experiment.sensor_config import PRESET, SIGNAL
 
 T = TypeVar("T")
 _RUN, _LAYOUT, _SPLIT = range(3)
@@ -93,7 +94,7 @@ def splits_of(
     if len(found) < len(names):
         raise ConfigurationError(
             f"split: {', '.join(names[len(found) :])} would be empty, because the runs have {len(found)} "
-            f"world{'s' * (len(found) != 1)} (environments and seeds) for {len(names)} splits; give more seeds"
+            f"world{'s' * (len(found) != 1)} (environments and seeds) for {len(names)} splits; give more runs or seeds"
         )
     return [found.get(world, "") for world in worlds]
 
@@ -342,7 +343,10 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     both = dict(base)
     for key, value in changes.items():
         old = both.get(key)
-        both[key] = merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+        replaces = key == SIGNAL and isinstance(value, Mapping) and PRESET in value  # it would have every old figure
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and not replaces:
+            value = merged(old, value)
+        both[key] = value
     return both
 
 

@@ -34,8 +34,8 @@ ALL: Final = "all"
 """Name of the campaign of the paper's experiments and of added ones."""
 EVERY: Final = "every"
 """Name of the campaign of every experiment."""
-CAMPAIGNS: Final[Registry[str]] = Registry(
-    "campaign", "campaigns", ".yaml", lambda _, given: read_text(Path(given)), Path(__file__).parent / "builtin"
+CAMPAIGNS: Final[Registry[Path]] = Registry(
+    "campaign", "campaigns", ".yaml", lambda _, given: Path(given), Path(__file__).parent / "builtin"
 )
 """Files of campaigns by name: the standard training sets, and those in folders ``campaigns`` of FIELDTRUTH_PATH."""
 CAMPAIGN: Final = "campaign.yaml"
@@ -77,9 +77,8 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
         experiments = tuple(load_experiment(name) for name in campaign_experiments(every=every))
         what = f"the built-in experiments{' of every environment' if every else ''}"
         return Campaign(name=str(name_or_path), description=what, experiments=experiments)
-    path = Path(name_or_path)
-    text = CAMPAIGNS.get(str(name_or_path)) or read_text(path)
-    data = parse_mapping(text, str(path))
+    path = CAMPAIGNS.get(str(name_or_path), Path(name_or_path))
+    data = parse_mapping(read_text(path), str(path))
     check_version(data.pop(VERSION_KEY, None), str(path))
     listed = data.get("experiments")
     if isinstance(listed, list):
@@ -131,7 +130,8 @@ def list_campaigns() -> dict[str, str]:
     """Name and one-line description of each campaign that has a name."""
     names = (ALL, EVERY)
     return {name: load_campaign(name).description for name in names} | {
-        name: str(parse_mapping(text, name).get("description", "")) for name, text in CAMPAIGNS.items()
+        name: str(parse_mapping(read_text(path), str(path)).get("description") or "")
+        for name, path in CAMPAIGNS.items()
     }
 
 

@@ -3,7 +3,7 @@
 """Read and write YAML: safe types only, duplicate keys are errors, ``1e3`` is a number, floats keep every bit."""
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
@@ -16,19 +16,17 @@ from fieldtruth.core.errors import ConfigurationError
 MAX_FILE_SIZE: Final = 4 << 20  # [byte]; enough for 50,000 waypoints, and keeps bags from being parsed
 _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
-_MERGE: Final = "tag:yaml.org,2002:merge"
-"""Tag of the key ``<<``."""
-
 
 class _Loader(yaml.SafeLoader):
     """Safe YAML 1.1, except that a duplicate key is an error and ``1e3`` is a number as in YAML 1.2."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE]
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        keys = [key for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for i, key in enumerate(keys):
             if key.value in [other.value for other in keys[:i]]:
                 raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key.value!r}", key.start_mark)
-        return super().construct_mapping(node, deep)
+        return node
 
 
 class _Dumper(yaml.SafeDumper):

@@ -55,7 +55,8 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     ground = Traversability(world, experiment.rig, side=_SIDE, clear=1.0)
     reach, rng = max(_REACH, ground.robot_radius), np.random.default_rng(config.seed)
     allowed, where = _allowed(world, experiment)
-    if config.along is not None and not has_trail(world):
+    along = config.along is not None and has_trail(world)
+    if config.along is not None and not along:
         text = f"frames.along: {world.name} has no trail, so its frames are anywhere, at any heading"
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
 
@@ -65,9 +66,9 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     positions = _spread(world.size, free, config.count, rng)
     if len(positions) < config.count:
         raise RouteError(f"{world.name} (seed {world.seed}) has no free ground{where} where the robot could stand")
-    random = rng.uniform(-1.0, 1.0, (config.count, 5 if config.along else 4))
+    random = rng.uniform(-1.0, 1.0, (config.count, 5 if along else 4))
     headings = np.pi * random[:, 0]
-    if config.along is not None and has_trail(world):
+    if along:
         headings = trail_headings(world.terrain.trail_distance, positions) + np.pi * (random[:, 4] < 0)
         headings += np.radians(config.turn_deg) * random[:, 0]
     poses = [
@@ -109,6 +110,11 @@ def trail_headings(trail_distance: Raster, points: Array) -> Array:
     It is the direction in which the distance to the trail's edge changes least around a point: the second eigenvector
     of the mean of the gradient's outer product (structure tensor).
     """
+    blocks = [_trail_headings(trail_distance, points[k : k + _BLOCK]) for k in range(0, len(points), _BLOCK)]
+    return np.concatenate(blocks)
+
+
+def _trail_headings(trail_distance: Raster, points: Array) -> Array:
     offsets = np.linspace(-_NEAR, _NEAR, _NODES)
     x, y = points[:, 0, None, None] + offsets[:, None], points[:, 1, None, None] + offsets
     smooth = gaussian_filter(trail_distance.at(x, y), _SMOOTH, axes=(1, 2))

@@ -146,7 +146,7 @@ def signal_values(given: Any, family: str, model: str) -> Any:
     if not given.endswith(_ENDINGS):
         raise LocatedError(f"must be {FORMS}; got {shortened(given)}", [SIGNAL])
     try:
-        return parse_mapping(read_text(Path(given)), given)
+        return signal_values(parse_mapping(read_text(Path(given)), given), family, model)
     except ConfigurationError as error:
         raise LocatedError(f"cannot be used: {error}", [SIGNAL]) from error
 

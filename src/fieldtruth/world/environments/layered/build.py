@@ -176,7 +176,8 @@ def cover_ground(builder: WorldBuilder, fields: Fields, description: Description
     shares = painted(values, description.ground)
     if fields.trails:
         ragged = fractal_noise(*axes, wavelength=1.4, octaves=3, rng=rng_of(fields.seed, "trail"), gain=0.7)
-        trail_distance = make_raster(values(TRAIL) + trail.ragged * ragged, cell, *axes)
+        distance = np.minimum(values(TRAIL), values(trail.also)) + trail.ragged * ragged
+        trail_distance = make_raster(distance, cell, *axes)
     else:
         trail_distance = make_raster(np.full((2, 2), FAR), max(builder.size), *axes)
     return Terrain(

@@ -70,6 +70,10 @@ leaves, 0 before there are any, distance [m] to the nearest of their trunks, pos
 ground above the water, large where it is dry."""
 
 
+Wander = Annotated[Number, Field(ge=0, le=10)]
+"""[m] by which the seed moves trails; more would fold them over themselves."""
+
+
 class TrailSurface(Ruled):
     """Surface of the trails: of one material with a border, or as the rules of the ground paint it."""
 
@@ -78,6 +82,7 @@ class TrailSurface(Ruled):
     border_width: Amount = Field(default=Constant("0.2"))  # [m] inwards from the edge
     ragged: Distance = 0.1  # [m] by which the edge deviates from a smooth line
     painted: Boolean = False  # the ground's rules also cover trails; the material is that of trails beyond the edge
+    also: Rule = Field(default=Expression("1000"))  # the ground is trail where it is below 0, too: yards, for example
 
 
 class Water(Ruled):
@@ -158,7 +163,7 @@ class Description(Frozen):
     trails: Trails = ()
     trail_width: Positive = 1.6
     trail: TrailSurface = TrailSurface()
-    wander: Distance = 0.0  # [m] by which the seed moves the trails, in the mean square
+    wander: Wander = 0.0  # [m] by which the seed moves the trails, in the mean square
     surroundings: Mapping[str, Surroundings] = {}  # grids about the world, the widest first
     relief: Mapping[str, Relief] = {}  # heights [m] that are added, and steps
     water: Water | None = None
@@ -388,7 +393,7 @@ def model_of(name: str) -> type[GroundConfig]:
     keys: dict[str, Any] = {"size": (Size, description.size), "season": (str, season)}
     if description.trails:
         keys |= {"trails": (Trails, description.trails), "trail_width": (Positive, description.trail_width)}
-        keys["wander"] = (Distance, description.wander)
+        keys["wander"] = (Wander, description.wander)
     keys |= {key: parameter.layout() for key, parameter in description.parameters.items()}
     for key, shares in description.mixtures.items():
         info = Field(description="shares by species, each from 0 up to 1")
