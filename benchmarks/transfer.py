@@ -288,7 +288,7 @@ def _scores(given: Sequence[str]) -> None:
 
 
 def _write_json(path: Path, rows: Sequence[Row]) -> None:
-    """Write figures, null where there is none, and confusions to a file that is whole at any time."""
+    """Write figures, null in place of NaN, and confusions to a file that is whole at any time."""
     found = [
         {
             "network": row.network,
