@@ -82,7 +82,7 @@ ERRORS = [
     (["shares", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
     (["shares", "all", "--seed", "x"], "--seed must be an integer between 0 and "),
     (["bench", "--environment", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
-    (["list", "park_1"], "unknown list 'park_1'; Available: experiments, environments, sensors"),
+    (["list", "park_1"], "unknown list 'park_1'; Available: experiments, environments, campaigns, sensors"),
     (["list", "sensor"], "unknown list 'sensor'; did you mean 'sensors'? Available: experiments, environments, "),
     (["list", "sensors", "lidar"], "unexpected argument 'lidar'"),
     (["generate"], "the following arguments are required: EXPERIMENT"),
@@ -275,7 +275,7 @@ def test_examples_of_the_help_parse(argv: list[str], capsys: pytest.CaptureFixtu
         cli.main(argv)
     assert end.value.code == 0
     examples = [line.split("  ")[1].split() for line in capsys.readouterr().out.splitlines() if "  fieldtruth" in line]
-    assert len(examples) == 6
+    assert len(examples) == 7
     for words in examples:
         assert callable(cli._parse(words[1:])[0])
 

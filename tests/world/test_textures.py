@@ -60,7 +60,7 @@ def test_texture_has_no_seam(name: str, axis: int) -> None:
 
 
 def test_ground_shows_millimetres_and_fits_into_memory() -> None:
-    """Texels of 1 to 2 mm on what a robot drives on; an atlas of every texture, more than a world has, below 250 MB."""
+    """Texels of 1 to 2 mm on what a robot drives on; an atlas of every texture, twice what a world has, below 300 MB."""
     for name, material in MATERIALS.items():
         if material.relief > 0:
             texture = make_texture(material.texture, SEED)
@@ -68,7 +68,7 @@ def test_ground_shows_millimetres_and_fits_into_memory() -> None:
             assert texture.shape[2] == 4
             assert np.ptp(texture[..., 3]) > 150
     codes = sum(len(make_texture(name, SEED)) ** 2 for name in TEXTURES)
-    assert codes * 4 / 3 * (4 + 1) < 250e6
+    assert codes * 4 / 3 * (4 + 1) < 300e6
 
 
 @pytest.mark.parametrize("name", ["lawn", "lawn_dry", "soil", "mulch", "litter", "gravel", "meadow"])
