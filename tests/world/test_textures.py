@@ -60,7 +60,7 @@ def test_texture_has_no_seam(name: str, axis: int) -> None:
 
 
 def test_ground_shows_millimetres_and_fits_into_memory() -> None:
-    """Texels of 1 to 2 mm on what a robot drives on; an atlas of every texture, twice what a world has, below 300 MB."""
+    """Texels of 1 to 2 mm on what a robot drives on; an atlas of all textures, more than a world has, below 300 MB."""
     for name, material in MATERIALS.items():
         if material.relief > 0:
             texture = make_texture(material.texture, SEED)
