@@ -258,7 +258,7 @@ def test_a_run_becomes_results(script: Any, size: list[str], small_run: Path, tm
 CAMPAIGN = {
     "name": "small",
     "seed": 1,
-    "runs": 6,
+    "runs": 4,
     "environments": ["park"],
     "seeds": {"integers": [0, 40]},
     "layouts": {
@@ -267,9 +267,9 @@ CAMPAIGN = {
             **{"large_trees": 6, "small_trees": 6, "benches": 2, "lamp_posts": 2, "tables": 2, "individuals": 1},
         }
     },
-    "routes": {"frames": {"count": 24}},
+    "routes": {"frames": {"count": 20}},
     "rigs": {"cameras": {"width": 192, "height": 102}, "lidar": {"columns": 256, "rings": 32}},
-    "split": {"train": 0.67, "test": 0.33},
+    "split": {"train": 0.75, "test": 0.25},
 }
 
 
@@ -284,16 +284,19 @@ def best_without_looking(out: Path, classes: int) -> float:
 
 @pytest.mark.slow
 def test_networks_know_worlds_that_they_have_not_seen(tmp_path: Path) -> None:
-    """By 0.15 of mean IoU above what a network could reach that sees nothing, or is trained with shuffled labels."""
+    """By 0.25 (images) and 0.1 (clouds) of mean IoU above what a network could reach that sees nothing."""
     torch.set_num_threads(2)
     (tmp_path / "campaign.yaml").write_text(yaml.safe_dump(CAMPAIGN), "utf-8")
     assert (
         fieldtruth_main(["generate", str(tmp_path / "campaign.yaml"), "--out", str(tmp_path / "data"), "--no-estimate"])
         == 0
     )
-    for script, size in ((train_images, ["--width", "128", "--height", "68"]), (train_clouds, ["--width", "256"])):
+    for script, size, margin in (
+        (train_images, ["--width", "128", "--height", "68"], 0.25),
+        (train_clouds, ["--width", "256"], 0.1),
+    ):
         out = tmp_path / script.__name__
-        script.main([str(tmp_path / "data"), "--out", str(out), "--steps", "250", "--batch", "8", *size])
+        script.main([str(tmp_path / "data"), "--out", str(out), "--steps", "500", "--batch", "8", *size])
         scores = json.loads((out / "scores.json").read_text("utf-8"))
         assert scores["split"] == "test"
-        assert scores["mean_iou"] > best_without_looking(out, len(scores["iou"])) + 0.15
+        assert scores["mean_iou"] > best_without_looking(out, len(scores["iou"])) + margin
