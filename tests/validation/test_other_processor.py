@@ -204,7 +204,7 @@ def failures_there(run: Path) -> dict[str, str]:
 
 @pytest.mark.slow
 @needs_another
-@pytest.mark.parametrize("environment", ["park", "forest", "hillside", "lake"])
+@pytest.mark.parametrize("environment", ["forest", "hillside", "lake"])
 def test_each_processor_accepts_the_bags_of_the_other_and_finds_wrong_readings(
     environment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
