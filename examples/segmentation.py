@@ -312,9 +312,10 @@ def load(path: Path) -> tuple[nn.Module, Settings]:
         settings = Settings(**values | {"classes": tuple(values["classes"])})
         network = make_network(settings)
         network.load_state_dict(state["network"])
-    except (OSError, EOFError, RuntimeError, LookupError, TypeError, ValueError, UnpicklingError) as error:
-        reason = str(error).partition("\n")[0]  # a line, although torch writes pages
-        raise ft.ConfigurationError(f"{path} is not a trained network: {reason}") from error
+    except OSError as error:
+        raise ft.ConfigurationError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (EOFError, RuntimeError, LookupError, TypeError, ValueError, UnpicklingError) as error:
+        raise ft.ConfigurationError(f"{path} is not a trained network, or not one of this version") from error
     return network.to(device()).eval(), settings
 
 

@@ -86,6 +86,10 @@ ERRORS = [
     (["list", "sensor"], "unknown list 'sensor'; did you mean 'sensors'? Available: experiments, environments, "),
     (["list", "sensors", "lidar"], "unexpected argument 'lidar'"),
     (["generate"], "the following arguments are required: EXPERIMENT"),
+    (
+        ["generate", "standard-image"],
+        "unknown experiment 'standard-image'; did you mean 'standard-images'? Available: ",
+    ),
     (["generate", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
     (["generate", "park_1", "park_2"], "unexpected argument 'park_2'"),
     (["generate", "park_1", "--sec=5"], "unknown option '--sec'; did you mean '--seed'? Available: --help, --out, "),

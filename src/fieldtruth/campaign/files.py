@@ -22,7 +22,7 @@ from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import Chosen, is_environment_file, with_paths
 from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
-from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
+from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, looks_like_path
 from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 from fieldtruth.experiment.rig import MODELS
 from fieldtruth.experiment.sensor_config import known_extras, known_switches, with_signal_files
@@ -61,6 +61,17 @@ def is_campaign(name_or_path: str) -> bool:
         return not _OWN_KEYS.isdisjoint(parse_mapping(read_text(path), name_or_path))
     except FieldtruthError:
         return False  # loading it as an experiment says why
+
+
+def check_known(name_or_path: str) -> None:
+    """Check that this is a path, or the name of an experiment or a campaign.
+
+    Raises:
+        UnknownNameError: it is not; the text has the names of both.
+    """
+    names = (*EXPERIMENTS, ALL, EVERY, *CAMPAIGNS)
+    if name_or_path not in names and not looks_like_path(name_or_path) and not Path(name_or_path).is_file():
+        raise UnknownNameError("experiment", name_or_path, names)
 
 
 def load_campaign(name_or_path: str | Path) -> Campaign:

@@ -128,11 +128,12 @@ def _checked_experiment(name_or_path: str) -> "Experiment":
 
 
 def _generate(options: argparse.Namespace) -> int | None:
-    from fieldtruth.campaign.files import is_campaign
+    from fieldtruth.campaign.files import check_known, is_campaign
     from fieldtruth.experiment.files import with_overrides
 
     if is_campaign(options.experiment):
         return _generate_campaign(options, _engine(options))
+    check_known(options.experiment)
     _refuse_campaign_options(options)
     experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()

@@ -41,7 +41,7 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed, file of a newer version.
     """
     text = str(name_or_path)
-    if text not in EXPERIMENTS and (_looks_like_path(name_or_path) or Path(text).is_file()):
+    if text not in EXPERIMENTS and (looks_like_path(name_or_path) or Path(text).is_file()):
         folder = Path(name_or_path).parent
         return _beside(parse_experiment(read_text(Path(name_or_path)), text, folder), folder)
     return parse_experiment(EXPERIMENTS.find(text), f"experiment {text}")
@@ -129,7 +129,7 @@ def read_signal(given: str) -> str | dict[str, Any]:
     """
     if given in WORDS:
         return given
-    if not _looks_like_path(given):
+    if not looks_like_path(given):
         raise ConfigurationError(f"{SIGNAL} must be {', '.join(WORDS)} or the path of a YAML file, got {given!r}")
     return parse_mapping(read_text(Path(given)), given)
 
@@ -160,7 +160,8 @@ def _beside(experiment: Experiment, folder: Path) -> Experiment:
     return experiment.model_copy(update={"drive": found})
 
 
-def _looks_like_path(name: str | Path) -> bool:
+def looks_like_path(name: str | Path) -> bool:
+    """Return whether this is a path whether or not there is a file: it has a slash, or the ending of YAML."""
     return isinstance(name, Path) or "/" in name or name.endswith((".yaml", ".yml"))
 
 
