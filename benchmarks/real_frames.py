@@ -172,11 +172,8 @@ LAYOUTS: Final = (
     Layout(
         "rellis-clouds",
         [
-            Source(
-                f"{lidar}_cloud_node_kitti_bin/*.bin", ".label", (f"{lidar}_cloud_node_kitti_bin", f"{lidar}_{labels}")
-            )
-            for lidar in ("os1", "vel")
-            for labels in ("cloud_node_semantickitti_label_id",)
+            Source(f"{scans}_kitti_bin/*.bin", ".label", (f"{scans}_kitti_bin", f"{scans}_semantickitti_label_id"))
+            for scans in ("os1_cloud_node", "vel_cloud_node")
         ]
         + [Source("[0-9]*.bin", ".label")],
         _ontology("rellis"),
