@@ -178,33 +178,12 @@ def rows_of(options: argparse.Namespace) -> Iterator[Row]:
             yield Row(name, f"{frames.layout.name} {numbers} ({len(frames)})", frames.layout, matrix)
 
 
-def range_image(points: NDArray[Any], rows: int, columns: int) -> tuple[NDArray[np.float32], tuple[Any, Any]]:
-    """Return the range image of a scan, as a network of examples/train_clouds.py takes it, and each point's pixel.
-
-    Rings are taken to be evenly spaced, the highest first, and columns go clockwise from ahead, as in Ousters. The
-    reflectivity is 0, which the augmentation has shown to the network, because data sets have no common scale of it.
-
-    Args:
-        points: (n, 4) x, y, z [m] and remission; points at the origin are no returns.
-        rows: rings.
-        columns: of the image.
-    """
-    distance = np.linalg.norm(points[:, :3], axis=1)
-    returned = distance > 0.1
-    elevation = np.arcsin(points[:, 2] / np.maximum(distance, 0.1))
-    low, high = (elevation[returned].min(), elevation[returned].max()) if returned.any() else (0.0, 0.0)
-    row = np.round((high - elevation) / max(high - low, 1e-6) * (rows - 1)).clip(0, rows - 1).astype(int)
-    column = np.floor(-np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) * columns).astype(int) % columns
-    image = np.zeros((rows, columns, 5), np.float32)
-    far_first = np.argsort(-distance)
-    kept = far_first[returned[far_first]]  # of several points in a pixel, the nearest remains
-    image[row[kept], column[kept], :3] = points[kept, :3]
-    image[row[kept], column[kept], 4] = 1.0
-    return image, (row, column)
-
-
 def rows_of_clouds(options: argparse.Namespace) -> Iterator[Row]:
-    """Score a network of clouds on the clouds of each folder."""
+    """Score a network of clouds on the clouds of each folder.
+
+    The reflectivity is 0, which the augmentation has shown to the network: data sets have no common scale of it.
+    """
+    from frame_arrays import range_image
     from segmentation import confusion, load, predict
 
     network, settings = load(options.clouds)
@@ -217,7 +196,7 @@ def rows_of_clouds(options: argparse.Namespace) -> Iterator[Row]:
         matrix = np.zeros((other + 1, other + 1), np.int64)
         for k in range(len(frames)):
             points, truth = frames[k]
-            image, pixels = range_image(points, settings.height, settings.width)
+            image, pixels = range_image(points[:, :3], np.zeros(len(points)), (settings.height, settings.width))
             found = predict(network, image[None])[0].argmax(axis=0)
             matrix += confusion(truth, of[found[pixels]], other + 1)
         yield Row("synthetic", f"{frames.layout.name} ({len(frames)})", frames.layout, matrix)

@@ -24,6 +24,7 @@ IGNORED = 255
 SPLITS = ("train", "val", "test")
 SHARES = {"train": 0.7, "val": 0.15, "test": 0.15}  # of the worlds, for a folder that has no splits
 LINE_S = 10.0
+NO_RETURN_M = 0.1
 
 Arrays = tuple[NDArray[Any], NDArray[np.uint8]]
 """Images, (n, h, w, c), and masks, (n, h, w)."""
@@ -145,6 +146,34 @@ def small_mask(mask: NDArray[np.uint8], height: int, width: int) -> NDArray[np.u
     columns = ((np.arange(width) + 0.5) * w / width).astype(np.int64)
     found: NDArray[np.uint8] = middle[rows[:, None], columns]
     return found
+
+
+def range_image(
+    xyz: NDArray[Any], reflectivity: NDArray[Any], shape: tuple[int, int]
+) -> tuple[NDArray[np.float32], tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Return the range image of a scan, (rows, columns, 5), and the row and column of each point.
+
+    Rows are evenly spaced from the highest elevation of the scan to the lowest, columns go clockwise from ahead, so
+    that scans of all LiDARs, real ones too, look alike whatever the order of their rings. Of several points in a
+    pixel, the nearest is seen: x, y, z [m], reflectivity, and 1. Points at the origin are no returns.
+    """
+    rows, columns = shape
+    distance = np.linalg.norm(xyz, axis=1)
+    returned = distance > NO_RETURN_M
+    elevation = np.arcsin(xyz[:, 2] / np.maximum(distance, NO_RETURN_M))
+    low, high = (elevation[returned].min(), elevation[returned].max()) if returned.any() else (0.0, 0.0)
+    row = np.round((high - elevation) / max(high - low, 1e-6) * (rows - 1)).clip(0, rows - 1).astype(np.int64)
+    column = np.floor(-np.arctan2(xyz[:, 1], xyz[:, 0]) / (2 * np.pi) * columns).astype(np.int64) % columns
+    order = far_first(xyz)
+    kept = order[returned[order]]
+    image = np.zeros((rows, columns, 5), np.float32)
+    image[row[kept], column[kept]] = np.column_stack([xyz[kept], reflectivity[kept], np.ones(len(kept))])
+    return image, (row, column)
+
+
+def far_first(xyz: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the points by falling distance: of several that are written to a pixel, the nearest stays."""
+    return np.argsort(-np.linalg.norm(xyz, axis=1), kind="stable")
 
 
 def _middle(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:

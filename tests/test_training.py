@@ -140,17 +140,19 @@ def test_classes_are_those_of_the_label_map_without_void() -> None:
 
 
 def test_a_range_image_has_the_nearest_return_of_each_direction() -> None:
+    """Rings of any order: rows follow from the elevation, the highest first; a point without a return is not there."""
+    points = np.array([[9, -0.1, 3.6], [5, -0.1, 2], [0.1, -5, -2], [-5, -0.1, 0], [0, 0, 0], [-5, 0.1, 0]], np.float32)
+    light = np.array([0.6, 0.1, 0.2, 0.3, 0.4, 0.5], np.float32)
+    image, (row, column) = frame_arrays.range_image(points, light, (3, 4))
+    assert (row[:4].tolist(), column[:4].tolist()) == ([0, 0, 2, 1], [0, 0, 0, 1])
+    assert (row[5], column[5]) == (1, 2)
+    assert image[..., 4].sum() == 4
+    assert image[0, 0].tolist() == pytest.approx([5, -0.1, 2, 0.1, 1])
     classes = frame_arrays.classes_of(label_map_of("offroad"))
-    sample = {
-        "cloud": np.array([[9, 0, 0], [3, 0, 0], [0, -5, 1]], np.float32),
-        "labels": np.array([4, 3, 5]),
-        "reflectivity": np.array([0.1, 0.2, 0.3], np.float32),
-        "rays": np.array([[1, 0, 0], [1, 1, 0], [0, 3, 0]]),
-    }
-    image, mask = train_clouds.RangeImage(2, 8, 4, classes)(sample)
-    assert image[1, 0].tolist() == pytest.approx([3, 0, 0, 0.2, 1], abs=1e-3)
-    assert (mask[1, 0], mask[0, 1]) == (classes.index[3], classes.index[5])
-    assert image[..., 4].sum() == (mask != 255).sum() == 2
+    labels = np.array([4, 3, 5, 1, 1, 2])
+    again, mask = train_clouds.RangeImage((3, 4), classes)({"cloud": points, "labels": labels, "reflectivity": light})
+    assert np.abs(again - image).max() < 1e-2
+    assert mask[[0, 2, 1, 1], [0, 0, 1, 2]].tolist() == classes.index[[3, 5, 1, 2]].tolist()
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -103,18 +103,6 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
 
 
-def test_range_image() -> None:
-    """The nearer of two points in a pixel is seen, and a point without a return is not."""
-    points = np.array(
-        [[5, -0.1, 2, 0.3], [0.1, -5, -2, 0.3], [-5, -0.1, 0, 0.3], [9, -0.1, 3.6, 0.3], [0, 0, 0, 0]], np.float32
-    )
-    image, (row, column) = transfer.range_image(points, 3, 4)
-    assert row[:4].tolist() == [0, 2, 1, 0]
-    assert column[:4].tolist() == [0, 0, 1, 0]
-    assert image[..., 4].sum() == 3
-    assert image[0, 0].tolist() == pytest.approx([5, -0.1, 2, 0, 1])
-
-
 def test_clouds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A network that sees ground below the horizon and trees above it; people count as neither."""
     segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
