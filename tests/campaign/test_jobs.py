@@ -8,20 +8,24 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from small_park import in_small_park
 
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
-from fieldtruth.campaign import jobs
+from fieldtruth.campaign import jobs, task
 from fieldtruth.campaign.config import Campaign
-from fieldtruth.campaign.draw import draw
+from fieldtruth.campaign.draw import PlannedRun, draw
 from fieldtruth.campaign.estimate import estimate
 from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
-from fieldtruth.campaign.state import Failure, Kind, Manifest, state_of
+from fieldtruth.campaign.state import Failure, Kind, Manifest, failure_of, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.locks import LOCK_OWNER
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.rig import paper_rig
@@ -44,6 +48,29 @@ def files(out: Path) -> dict[str, str]:
     """Digests of all files of the runs but the manifests, which have times in them."""
     found = (p for p in out.rglob("*") if p.is_file() and p.name != "manifest.json")
     return {str(p.relative_to(out)): sha256_of(p) for p in found}
+
+
+@pytest.mark.parametrize("parallel", [False, True], ids=["one by one", "in a process"])
+def test_warnings_are_one_line_and_name_their_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], parallel: bool
+) -> None:
+    """Both runs say the same words, which nothing takes for a repetition."""
+
+    def warn(run: PlannedRun, *args: Any, **options: Any) -> Failure:
+        warnings.warn("no trail\n  here", FieldtruthWarning, stacklevel=1)
+        return failure_of(run.experiment, "", final=True)
+
+    runs = draw(park(0.5))
+    if parallel:
+        channel = Mock(recv=Mock(side_effect=[*runs, EOFError]))  # then the parent has ended
+        monkeypatch.setattr(jobs, "run_one", warn)
+        monkeypatch.setattr(signal, "signal", lambda *args: None)
+        jobs._work(channel, tmp_path, 1, False)
+    else:
+        monkeypatch.setattr(task, "run_one", warn)
+        generate_campaign(park(0.5), tmp_path, Options(measure=False), say=lambda line: None)
+    printed = capsys.readouterr().err.splitlines()
+    assert printed == [f"warning: {run.name}: no trail here" for run in runs]
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import os
 import shutil
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
@@ -26,7 +27,7 @@ from fieldtruth.campaign.draw import PlannedRun, motion_of, simulated_s
 from fieldtruth.campaign.state import size
 from fieldtruth.core.cache import SEAL_SIZE, cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
-from fieldtruth.core.errors import OutputError
+from fieldtruth.core.errors import FieldtruthWarning, OutputError
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.parallel import check_memory, cpu_count, peak_memory
 from fieldtruth.core.progress import Advance, Progress, Silent
@@ -161,6 +162,7 @@ def _in_own_process(experiment: Experiment, folder: Path) -> Figures | None:
 def _send_figures(channel: Connection, experiment: Experiment, folder: Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends it
     end_with_parent()
+    warnings.simplefilter("ignore", FieldtruthWarning)  # the run itself will say it
     try:
         channel.send_bytes(measured(experiment, folder).model_dump_json().encode())
     except Exception:  # the run itself will say why

@@ -213,13 +213,14 @@ def _work(channel: Connection, out: Path, workers: int, overwrite: bool) -> None
     signal.signal(signal.SIGTERM, _interrupt)
     end_with_parent()
     try:
-        with warnings_in_one_line():
-            while True:
-                run: PlannedRun = channel.recv()
-                try:
-                    channel.send(run_one(run, out, workers=workers, overwrite=overwrite))
-                except STOPPING as error:
-                    channel.send(error)
+        while True:
+            run: PlannedRun = channel.recv()
+            try:
+                with warnings_in_one_line(run.name):
+                    ended = run_one(run, out, workers=workers, overwrite=overwrite)
+                channel.send(ended)
+            except STOPPING as error:
+                channel.send(error)
     except (EOFError, BrokenPipeError, KeyboardInterrupt):
         return
 

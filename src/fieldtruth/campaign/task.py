@@ -14,6 +14,7 @@ from fieldtruth.campaign.estimate import check_resources, estimate, free_bytes
 from fieldtruth.campaign.files import check_campaign, check_folder, load_campaign, write_campaign
 from fieldtruth.campaign.jobs import STOPPING, Generate, Outcome, make_runs, run_one
 from fieldtruth.campaign.state import Failure, Kind, Manifest, State, clock, counts, size, state_of, time_left_s
+from fieldtruth.core.errors import warnings_in_one_line
 from fieldtruth.core.files import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent
@@ -167,7 +168,7 @@ def _one_by_one(
     left: Sequence[PlannedRun], out: Path, options: Options, workers: int, shows: Shows
 ) -> Generator[tuple[PlannedRun, Outcome], None, None]:
     for run in left:
-        with run_bar(shows, run.name) as progress:
+        with run_bar(shows, run.name) as progress, warnings_in_one_line(run.name):
             outcome = _outcome(run, out, options, workers, progress)
         yield run, outcome
 

@@ -29,8 +29,9 @@ class FieldtruthWarning(UserWarning):
 
 
 @contextmanager
-def warnings_in_one_line() -> Iterator[None]:
-    """Print our warnings as ``warning: ...`` without the position in the source; others as usual."""
+def warnings_in_one_line(source: str = "") -> Iterator[None]:
+    """Print our warnings as ``warning: SOURCE: ...`` without the position in the code; others as usual."""
+    where = f"warning: {source}:" if source else "warning:"
     with warnings.catch_warnings():
         warnings.simplefilter("default", FieldtruthWarning)  # the same words once
         usual = warnings.showwarning
@@ -44,7 +45,7 @@ def warnings_in_one_line() -> Iterator[None]:
             line: str | None = None,
         ) -> None:
             if issubclass(category, FieldtruthWarning):
-                print("warning:", " ".join(str(message).split()), file=sys.stderr)
+                print(where, " ".join(str(message).split()), file=sys.stderr)
             else:
                 usual(message, category, filename, lineno, file, line)
 

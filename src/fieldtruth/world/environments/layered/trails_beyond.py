@@ -3,7 +3,6 @@
 """Trails that go on beyond a world's edge: bands of their materials on the land."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -16,8 +15,8 @@ from fieldtruth.world.model import Mesh, Terrain, make_mesh, merge_meshes
 
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
-BANDS: Final = 4
-"""Bands of the trail's material side by side, which follow land that bends across it."""
+ACROSS: Final = 0.4
+"""Greatest distance [m] between a band's vertices across the trail, so that wide roads follow land with bumps, too."""
 ROWS: Final = 5
 """Each of this number of a line's points has vertices."""
 
@@ -47,35 +46,35 @@ def continued(
 def with_trails(backdrop: Mesh, trails: Sequence[Trail], terrain: Terrain, size: tuple[float, float]) -> Mesh:
     """A backdrop with trails on it, of the terrain's materials."""
     ground = height_beyond(terrain.field, size, backdrop)
-    bands = [_band(trail.line, band, size, ground) for trail in trails for band in _bands(trail.width, terrain)]
+    bands = [_band(trail.line, *band, size, ground) for trail in trails for band in _bands(trail.width, terrain)]
     return merge_meshes("backdrop", [backdrop, *bands], footprint=backdrop.footprint) if bands else backdrop
 
 
-def _bands(width: float, terrain: Terrain) -> list[tuple[float, float, str]]:
-    """Bands across a trail: distances [m] to the left of its centre line from and to, and material."""
+def _bands(width: float, terrain: Terrain) -> list[tuple[Array, str]]:
+    """Bands across a trail: distances [m] of their vertices to the left of its centre line, and material."""
     half, border = width / 2, terrain.border_width
-    across: list[float] = np.linspace(border - half, half - border, BANDS + 1).tolist()
+    columns = 1 + max(1, int(np.ceil((width - 2 * border) / ACROSS)))
     return [
-        (-half, border - half, terrain.border_material),
-        (half - border, half, terrain.border_material),
-        *((low, high, terrain.trail_material) for low, high in pairwise(across)),
+        (np.array([-half, border - half]), terrain.border_material),
+        (np.array([half - border, half]), terrain.border_material),
+        (np.linspace(border - half, half - border, columns), terrain.trail_material),
     ]
 
 
-def _band(line: Line, band: tuple[float, float, str], size: tuple[float, float], ground: Land) -> Mesh:
+def _band(line: Line, across: Array, material: str, size: tuple[float, float], ground: Land) -> Mesh:
     """A band along a line, slightly above the land's triangles; vertices inside the world are moved to its edge."""
-    low, high, material = band
     rows = np.arange(0, len(line.points), ROWS)
     left = np.stack([-line.tangents[rows, 1], line.tangents[rows, 0]], axis=1)
-    xy = np.stack([line.points[rows] + low * left, line.points[rows] + high * left], axis=1).reshape(-1, 2)
+    xy = (line.points[rows, None] + across[:, None] * left[:, None]).reshape(-1, 2)
     half = np.array(size) / 2
     short = half - np.abs(xy)  # to the edge, along x and y
     inside = (short > 0).all(axis=1)
     axis = np.argmin(short, axis=1)
     moved = np.where(xy[np.arange(len(xy)), axis] < 0, -half[axis], half[axis])
     xy[inside, axis[inside]] = moved[inside]
-    k = 2 * np.arange(len(rows) - 1)
-    faces = np.concatenate([np.stack([k, k + 2, k + 3], 1), np.stack([k, k + 3, k + 1], 1)])
+    n = len(across)
+    k = (n * np.arange(len(rows) - 1)[:, None] + np.arange(n - 1)).ravel()
+    faces = np.concatenate([np.stack([k, k + n, k + n + 1], 1), np.stack([k, k + n + 1, k + 1], 1)])
     u, v = xy[faces[:, 1]] - xy[faces[:, 0]], xy[faces[:, 2]] - xy[faces[:, 0]]
     faces = faces[np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) > 1e-9]
     height = ground(*xy.T) + LIFT + 0.001 * distance_beyond(size, *xy.T)
