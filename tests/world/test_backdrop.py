@@ -7,6 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.world.backdrop import BEND, FINE_REPEAT, _laid_out, height_beyond, make_backdrop, scatter_beyond
+from fieldtruth.world.environments.layered.trails_beyond import _band
+from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
 from fieldtruth.world.placement import SwarmSpec
@@ -125,3 +127,25 @@ def test_fine_ground_meets_the_backdrop_at_every_node_of_the_edge() -> None:
     assert uses.max() == 2
     on_edge = height_beyond(field, SIZE, mesh)(np.full(count, 10.0) + 1e-6, np.linspace(-4.9, 4.9, count))
     assert on_edge == pytest.approx(field.height_at(10.0, np.linspace(-4.9, 4.9, count)), abs=2e-3)
+
+
+def test_a_wide_road_through_a_corner_lies_on_the_land_beyond(backdrop: Mesh) -> None:
+    """No triangle spans a hollow, or the corner by more than its size: points are up to 5 cm above the land."""
+    ground = height_beyond(bumpy(), SIZE, backdrop)
+    line = Line.through([(0.0, 0.5), (10.0, 4.4), (24.0, 9.9)])
+    band = _band(line, np.linspace(-3, 3, 16), "gravel", SIZE, ground)
+    shares = np.random.default_rng(0).dirichlet([1, 1, 1], 20)
+    x, y, z = np.einsum("kc,fcd->dfk", shares, band.vertices[band.faces].astype(float)).reshape(3, -1)
+    outside = np.maximum(np.abs(x) - 10, np.abs(y) - 5)
+    at_corner = (np.abs(x) > 9.6) & (np.abs(y) > 4.6)
+    assert outside[~at_corner].min() > -1e-5
+    assert outside.min() > -0.2
+    assert (np.abs(x) < 10).any()
+    assert (np.abs(y) < 5).any()
+    high = z - ground(x, y)
+    assert high.min() > -0.02
+    assert high.max() < 0.05
+    covered = np.zeros(0)
+    for px, py in ((10.3, 4.6), (9.0, 5.3), (10.5, 2.4)):  # just outside of both sides
+        covered = np.append(covered, np.hypot(x - px, y - py).min())
+    assert covered.max() < 0.2

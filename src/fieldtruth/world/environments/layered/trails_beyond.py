@@ -62,7 +62,7 @@ def _bands(width: float, terrain: Terrain) -> list[tuple[Array, str]]:
 
 
 def _band(line: Line, across: Array, material: str, size: tuple[float, float], ground: Land) -> Mesh:
-    """A band along a line, slightly above the land's triangles; vertices inside the world are moved to its edge."""
+    """A band along a line, slightly above the land's triangles; where it crosses the edge, vertices move onto it."""
     rows = np.arange(0, len(line.points), ROWS)
     left = np.stack([-line.tangents[rows, 1], line.tangents[rows, 0]], axis=1)
     xy = (line.points[rows, None] + across[:, None] * left[:, None]).reshape(-1, 2)
@@ -75,6 +75,7 @@ def _band(line: Line, across: Array, material: str, size: tuple[float, float], g
     n = len(across)
     k = (n * np.arange(len(rows) - 1)[:, None] + np.arange(n - 1)).ravel()
     faces = np.concatenate([np.stack([k, k + n, k + n + 1], 1), np.stack([k, k + n + 1, k + 1], 1)])
+    faces = faces[~inside[faces].all(axis=1)]  # others would lie between points that moved to two sides of a corner
     u, v = xy[faces[:, 1]] - xy[faces[:, 0]], xy[faces[:, 2]] - xy[faces[:, 0]]
     faces = faces[np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) > 1e-9]
     height = ground(*xy.T) + LIFT + 0.001 * distance_beyond(size, *xy.T)
