@@ -143,7 +143,7 @@ def test_a_wide_road_through_a_corner_lies_on_the_land_beyond(backdrop: Mesh) ->
     assert (np.abs(x) < 10).any()
     assert (np.abs(y) < 5).any()
     high = z - ground(x, y)
-    assert high.min() > -0.02
+    assert high.min() > -0.05
     assert high.max() < 0.05
     covered = np.zeros(0)
     for px, py in ((10.3, 4.6), (9.0, 5.3), (10.5, 2.4)):  # just outside of both sides
