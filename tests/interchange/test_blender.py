@@ -42,16 +42,14 @@ class Case(NamedTuple):
     form: str
     width: int
     height: int
-    share: float = LARGEST_SHARE
 
 
 CASES: Final = (
-    Case("park_1", 55.0, "gltf", 1280, 720),
     Case("park_1", 55.0, "gltf-plain", 640, 360),
     Case("lake_1", 40.0, "gltf", 640, 360),
     Case("forest_1", 40.0, "gltf", 640, 360),
-    Case("hillside_1", 40.0, "gltf", 640, 360, 4e-4),  # through high grass: 2.7e-4, within half a pixel of an edge
 )
+"""The park in parts, as it is without instances; water, and a forest, whose twigs and needles are the finest."""
 
 FINE: Final = 4
 
@@ -67,8 +65,6 @@ class Views(NamedTuple):
     instance: Ids
     label: Ids
     depth: NDArray[np.float32]
-    share: float
-    """Of pixels that may differ."""
 
 
 def blender_python() -> str:
@@ -107,9 +103,7 @@ def views(case: Case, folder: Path) -> Views:
     assert np.array_equal(ids[..., :2], np.rint(ids[..., :2])), "a pixel mixes ids: more than its centre was sampled"
     finer = StereoConfig(width=FINE * case.width, height=FINE * case.height)
     fine = LabelCamera(finer, camera.scene).label(pose)
-    return Views(
-        camera.label(pose), fine, ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2], case.share
-    )
+    return Views(camera.label(pose), fine, ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2])
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case.experiment}-{case.form}")
@@ -131,14 +125,12 @@ def distance_to_edge(fine: NDArray[np.integer]) -> Array:
     return np.asarray(distance.reshape(height // FINE, FINE, width // FINE, FINE).min(axis=(1, 3)))
 
 
-def assert_same_except_at_silhouettes(
-    ours: NDArray[np.integer], theirs: Ids, fine: NDArray[np.integer], limit: float
-) -> None:
+def assert_same_except_at_silhouettes(ours: NDArray[np.integer], theirs: Ids, fine: NDArray[np.integer]) -> None:
     wrong = ours != theirs
     distances = distance_to_edge(fine)[wrong]
     share, farthest = wrong.mean(), distances.max(initial=0)
     print(f"{wrong.sum()} of {wrong.size} pixels differ ({share:.2g}), at most {farthest} pixels from an edge")
-    assert share < limit
+    assert share < LARGEST_SHARE
     assert farthest <= 2
     # One pixel to the side is far more than the tolerance: the comparison would show it.
     for axis in (0, 1):
@@ -148,14 +140,14 @@ def assert_same_except_at_silhouettes(
 @pytest.mark.slow
 def test_blender_sees_the_same_instances(both: Views) -> None:
     assert len(np.unique(both.instance)) > 30
-    assert_same_except_at_silhouettes(both.ours.instance, both.instance, both.fine.instance, both.share)
+    assert_same_except_at_silhouettes(both.ours.instance, both.instance, both.fine.instance)
 
 
 @pytest.mark.slow
 def test_blender_sees_the_same_classes(both: Views) -> None:
     assert len(np.unique(both.label)) > 5
     theirs = np.where(both.label == 0, int(Label.SKY), both.label)
-    assert_same_except_at_silhouettes(both.ours.label, theirs, both.fine.label, both.share)
+    assert_same_except_at_silhouettes(both.ours.label, theirs, both.fine.label)
 
 
 @pytest.mark.slow
