@@ -31,12 +31,12 @@ def routes() -> list[Line]:
     return reserved_corridors("forest")
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
-    """The built-in forest of seed 0 and quick ones of other seeds."""
+    """The built-in forest of seed 0 and a quick one of another seed."""
     return load_world("forest") if request.param == 0 else forest_variant(request.param)
 
 
@@ -155,7 +155,7 @@ def test_same_seed_same_forest_other_seed_another() -> None:
     first = forest_variant(1)
     forest_variant.cache_clear()
     assert digest(forest_variant(1)) == digest(first)
-    assert digest(forest_variant(2)) != digest(first)
+    assert not np.array_equal(load_world("forest").terrain.field.heights, first.terrain.field.heights)
 
 
 @pytest.mark.slow

@@ -39,12 +39,12 @@ def hillside(seed: int) -> World:
         return build_world("hillside", seed, {"individuals": 1})
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
-    """The built-in hillside of seed 0 and quick ones of other seeds."""
+    """The built-in hillside of seed 0 and a quick one of another seed."""
     return load_world("hillside") if request.param == 0 else hillside(request.param)
 
 
@@ -188,7 +188,7 @@ def test_classes_and_no_trail(world: World) -> None:
 @pytest.mark.slow
 def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
     assert digest(hillside.__wrapped__(1)) == digest(hillside(1))
-    assert not np.array_equal(hillside(1).terrain.field.heights, hillside(2).terrain.field.heights)
+    assert not np.array_equal(hillside(1).terrain.field.heights, load_world("hillside").terrain.field.heights)
 
 
 def test_flank_without_corridors_is_steep_everywhere() -> None:

@@ -32,12 +32,12 @@ COUNTS = {
 IN_WATER = {"reed", "cattail"}
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
-    """The built-in lake of seed 0 and quick ones of other seeds."""
+    """The built-in lake of seed 0 and a quick one of another seed."""
     return load_world("lake") if request.param == 0 else lake_variant(request.param)
 
 
@@ -224,7 +224,7 @@ def test_mud_or_pebbles_at_the_water_and_grass_above(world: World) -> None:
 @pytest.mark.slow
 def test_same_seed_same_lake_other_seed_another() -> None:
     again = lake_variant.__wrapped__(1)
-    first, other = lake_variant(1), lake_variant(2)
+    first, other = lake_variant(1), load_world("lake")
     assert np.array_equal(again.terrain.field.heights, first.terrain.field.heights)
     assert np.array_equal(again.terrain.cover.values, first.terrain.cover.values)
     assert again.object_names == first.object_names

@@ -25,7 +25,7 @@ COUNTS = {"large_tree": 23, "small_tree": 15, "bush": 34, **FURNITURE}
 FREE = 0.6  # [m] on either side of a route; the Husky is 0.67 m wide
 
 
-SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 5))]
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 5))]
 
 
 @pytest.fixture(scope="module")
@@ -297,7 +297,7 @@ def test_same_seed_same_bytes(park: World) -> None:
 def test_same_seed_same_world_and_other_seed_another(park: World) -> None:
     first = park_variant(1)
     assert digest(park_variant.__wrapped__(1)) == digest(first)
-    other = park_variant(2)
+    other = park_variant(5)
     poses = [{i.name: i.world_from_object for i in w.instances} for w in (first, other)]
     assert all(not np.allclose(poses[0][name], poses[1][name]) for name in poses[0])
     assert not np.array_equal(first.terrain.field.heights, other.terrain.field.heights)
