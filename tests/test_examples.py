@@ -37,11 +37,16 @@ SCRIPTS = sorted(path for path in EXAMPLES.glob("*.py") if path.stem not in BASE
 
 
 @pytest.fixture
-def run_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kept: Kept) -> RunExample:
-    """Run an example as a script with arguments, and return the lines that it prints."""
+def _made_once(monkeypatch: pytest.MonkeyPatch, kept: Kept) -> None:
+    """Examples use worlds, scenes and light that were made before, and open no window."""
     monkeypatch.setenv("MPLBACKEND", "agg")
     for name, made_once in {"load_world": kept.load_world, "Scene": kept.scene, "bake": kept.bake}.items():
         monkeypatch.setattr(ft, name, made_once)
+
+
+@pytest.fixture
+def run_example(_made_once: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> RunExample:
+    """Run an example as a script with arguments, and return the lines that it prints."""
 
     def run(name: str, *arguments: object) -> list[str]:
         monkeypatch.setattr("sys.argv", [name, *map(str, arguments)])
@@ -177,9 +182,9 @@ def test_annotate_bag_adds_clouds_and_images(bare_bag: Path, tmp_path: Path, run
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("_made_once")
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.name)
 def test_notebooks_run(path: Path, small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / small_run.name).symlink_to(small_run)
