@@ -131,10 +131,9 @@ def test_world_without_free_ground_is_rejected() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
+def test_random_route_in_the_park_is_driven_to_its_end() -> None:
     world = fieldtruth.load_world("park", 0)
-    experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})
+    experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, 0)})
     route = plan_route(world, experiment, verify=False)
     track = drive(world, experiment.model_copy(update={"route": route}))  # a collision would be a DriveError
     assert track.length_m == pytest.approx(40.0, rel=0.02)

@@ -132,10 +132,10 @@ def test_the_parks_ground_has_the_class_of_its_terrain() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("environment", ["forest", "lake", "hillside"])
-def test_the_ground_of_other_worlds_has_the_class_of_their_terrain(environment: str) -> None:
-    share, far = wrong_area(load_world(environment))
-    assert share < 1e-4  # the forest's ragged paths: 4e-5
+def test_the_ground_of_the_forest_has_the_class_of_its_terrain() -> None:
+    """Its paths are the most ragged."""
+    share, far = wrong_area(load_world("forest"))
+    assert share < 1e-4  # 4e-5
     assert far < 0.05
 
 
