@@ -18,10 +18,6 @@ RESULTS = [
     ["generate", "--help"],
     ["rig", "park_1", "--to", "urdf"],
     ["status", "."],
-    *(
-        pytest.param(each, marks=pytest.mark.slow)
-        for each in (["list", "sensors"], ["--help"], ["--version"], ["cache"])
-    ),
 ]
 
 
@@ -69,21 +65,14 @@ def test_a_reader_that_goes_away_is_no_error_and_a_full_device_is_one(argv: list
     assert ended(argv, out="/dev/full") == (2, b"", FULL.encode())
 
 
-SLOW_STREAMS = [("gone", ""), ("", "gone"), ("", "/dev/full"), ("", "")]
-"""Each is alone in one of the others, which are the default."""
-
-
 @pytest.mark.parametrize(
     ("out", "err"),
     [
-        *(
-            ("gone", "gone"),
-            ("gone", "/dev/full"),
-            ("/dev/full", "gone"),
-            ("/dev/full", "/dev/full"),
-            ("/dev/full", ""),
-        ),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW_STREAMS),
+        ("gone", "gone"),
+        ("gone", "/dev/full"),
+        ("/dev/full", "gone"),
+        ("/dev/full", "/dev/full"),
+        ("/dev/full", ""),
     ],
 )
 def test_a_file_that_is_written_is_success(out: str, err: str, tmp_path: Path) -> None:
