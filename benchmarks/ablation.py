@@ -119,8 +119,8 @@ def changes(train: Frames, *, has_ideal: bool) -> Iterator[Change]:
         yield Change("signal and augmentation: none", everything, signal=False, augmented=False)
     for name, keep in _kept().items():
         yield Change(name, train.of(keep))
-    for name in sorted({world.environment for world in train.worlds}):
-        yield Change(f"only {name}", train.of(lambda world, name=name: world.environment == name))
+    for one in sorted({world.environment for world in train.worlds}):
+        yield Change(f"only {one}", train.of(_is_in(one)))
     order = np.random.default_rng(0).permutation(len(train.worlds))
     count = len(order)
     while count >= FEW:
@@ -129,6 +129,10 @@ def changes(train: Frames, *, has_ideal: bool) -> Iterator[Change]:
         yield Change(f"curve: {count} worlds, each fourth frame", _each(train.run, chosen, 4))
         yield Change(f"curve: {count} worlds, each fifteenth frame", _each(train.run, chosen, 15))
         count //= 2
+
+
+def _is_in(environment: str) -> Callable[[World], bool]:
+    return lambda world: world.environment == environment
 
 
 def _kept() -> dict[str, Callable[[World], bool]]:
@@ -148,7 +152,8 @@ def _kept() -> dict[str, Callable[[World], bool]]:
 def _each(run: NDArray[np.int64], chosen: NDArray[np.int64], step: int) -> NDArray[np.int64]:
     """Return each ``step``-th of the chosen frames of a run."""
     first = np.searchsorted(run[chosen], run[chosen])  # frames of a run follow one another
-    return chosen[(np.arange(len(chosen)) - first) % step == 0]
+    rows: NDArray[np.int64] = chosen[(np.arange(len(chosen)) - first) % step == 0]
+    return rows
 
 
 @dataclass(frozen=True)
