@@ -15,8 +15,10 @@ from fieldtruth.world.model import Mesh, Terrain, make_mesh, merge_meshes
 
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
-ACROSS: Final = 0.4
-"""Greatest distance [m] between a band's vertices across the trail, so that wide roads follow land with bumps, too."""
+STRIPS: Final = 4
+"""Least number of strips across a trail, which follow land that bends there."""
+WIDEST: Final = 0.6
+"""Greatest width [m] of such a strip, as roads are wide."""
 ROWS: Final = 5
 """Each of this number of a line's points has vertices."""
 
@@ -53,7 +55,7 @@ def with_trails(backdrop: Mesh, trails: Sequence[Trail], terrain: Terrain, size:
 def _bands(width: float, terrain: Terrain) -> list[tuple[Array, str]]:
     """Bands across a trail: distances [m] of their vertices to the left of its centre line, and material."""
     half, border = width / 2, terrain.border_width
-    columns = 1 + max(1, int(np.ceil((width - 2 * border) / ACROSS)))
+    columns = 1 + max(STRIPS, int(np.ceil((width - 2 * border) / WIDEST)))
     return [
         (np.array([-half, border - half]), terrain.border_material),
         (np.array([half - border, half]), terrain.border_material),
