@@ -155,25 +155,24 @@ def range_image(
 
     Rows are evenly spaced from the highest elevation of the scan to the lowest, columns go clockwise from ahead, so
     that scans of all LiDARs, real ones too, look alike whatever the order of their rings. Of several points in a
-    pixel, the nearest is seen: x, y, z [m], reflectivity, and 1. Points at the origin are no returns.
+    pixel, the nearest is seen: x, y, z [m], reflectivity, and 1. Points at the origin, or NaN, are no returns.
     """
-    rows, columns = shape
-    distance = np.linalg.norm(xyz, axis=1)
-    returned = distance > NO_RETURN_M
-    elevation = np.arcsin(xyz[:, 2] / np.maximum(distance, NO_RETURN_M))
-    low, high = (elevation[returned].min(), elevation[returned].max()) if returned.any() else (0.0, 0.0)
-    row = np.round((high - elevation) / max(high - low, 1e-6) * (rows - 1)).clip(0, rows - 1).astype(np.int64)
-    column = np.floor(-np.arctan2(xyz[:, 1], xyz[:, 0]) / (2 * np.pi) * columns).astype(np.int64) % columns
+    (rows, columns), xyz = shape, np.nan_to_num(xyz)
     order = far_first(xyz)
-    kept = order[returned[order]]
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    low, high = (elevation[order].min(), elevation[order].max()) if len(order) else (0.0, 0.0)
+    row = ((high - elevation) / max(high - low, 1e-6) * (rows - 1)).round().clip(0, rows - 1).astype(np.int64)
+    column = np.floor(-np.arctan2(xyz[:, 1], xyz[:, 0]) / (2 * np.pi) * columns).astype(np.int64) % columns
     image = np.zeros((rows, columns, 5), np.float32)
-    image[row[kept], column[kept]] = np.column_stack([xyz[kept], reflectivity[kept], np.ones(len(kept))])
+    image[row[order], column[order]] = np.column_stack([xyz[order], reflectivity[order], np.ones(len(order))])
     return image, (row, column)
 
 
 def far_first(xyz: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the points by falling distance: of several that are written to a pixel, the nearest stays."""
-    return np.argsort(-np.linalg.norm(xyz, axis=1), kind="stable")
+    """Return the points by falling distance, so that of several in a pixel the nearest is written last; no others."""
+    distance = np.linalg.norm(xyz, axis=1)
+    order = np.argsort(-distance, kind="stable")
+    return order[distance[order] > NO_RETURN_M]
 
 
 def _middle(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:

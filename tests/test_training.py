@@ -142,17 +142,21 @@ def test_classes_are_those_of_the_label_map_without_void() -> None:
 def test_a_range_image_has_the_nearest_return_of_each_direction() -> None:
     """Rings of any order: rows follow from the elevation, the highest first; a point without a return is not there."""
     points = np.array([[9, -0.1, 3.6], [5, -0.1, 2], [0.1, -5, -2], [-5, -0.1, 0], [0, 0, 0], [-5, 0.1, 0]], np.float32)
-    light = np.array([0.6, 0.1, 0.2, 0.3, 0.4, 0.5], np.float32)
+    points = np.append(points, np.full((1, 3), np.nan, np.float32), axis=0)
+    nowhere = (1, 0)  # the pixel of a point at the origin, or of NaN
+    light = np.array([0.6, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7], np.float32)
     image, (row, column) = frame_arrays.range_image(points, light, (3, 4))
     assert (row[:4].tolist(), column[:4].tolist()) == ([0, 0, 2, 1], [0, 0, 0, 1])
     assert (row[5], column[5]) == (1, 2)
     assert image[..., 4].sum() == 4
     assert image[0, 0].tolist() == pytest.approx([5, -0.1, 2, 0.1, 1])
     classes = frame_arrays.classes_of(label_map_of("offroad"))
-    labels = np.array([4, 3, 5, 1, 1, 2])
+    labels = np.array([4, 3, 5, 1, 1, 2, 4])
     again, mask = train_clouds.RangeImage((3, 4), classes)({"cloud": points, "labels": labels, "reflectivity": light})
     assert np.abs(again - image).max() < 1e-2
     assert mask[[0, 2, 1, 1], [0, 0, 1, 2]].tolist() == classes.index[[3, 5, 1, 2]].tolist()
+    assert (mask != frame_arrays.IGNORED).sum() == 4
+    assert (image[nowhere] == 0).all()
 
 
 # ---------------------------------------------------------------------------------------------------------------------
