@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from real_frames import frames_of
 from transfer import Row as RealRow
+from transfer import check_outputs
 from transfer import score as real_score
 
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError
@@ -32,7 +33,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 PAPER: Final = ("park", "lake", "forest", "hillside")
 ROADS: Final = ("forest_road", "quarry")
 FEW: Final = 12
-"""Worlds, and frames of each, of the smallest part of a learning curve."""
+"""Least number of worlds of a learning curve."""
 
 
 class World(NamedTuple):
@@ -178,8 +179,8 @@ class Tried:
         return f"| trained on | worlds | frames | {' | '.join(self.scores)} |\n|---|" + "---:|" * (2 + len(self.scores))
 
 
-def tried(change: Change, train: Frames, test: Frames, options: argparse.Namespace) -> Tried:
-    """Train and score a row, once for each seed."""
+def tried(change: Change, train: Frames, test: Frames, real: Any, options: argparse.Namespace) -> Tried:
+    """Train and score a row, once for each seed; ``real`` are labelled frames, or None."""
     import augmentation
     import frame_arrays
     import scoring
@@ -188,7 +189,6 @@ def tried(change: Change, train: Frames, test: Frames, options: argparse.Namespa
     from fieldtruth.ontology import label_map_of
 
     classes = frame_arrays.classes_of(label_map_of("offroad")).names
-    real = frames_of(options.real).between(options.start, options.end) if options.real else None
     scores: dict[str, list[float]] = {}
     for seed in range(options.seeds):
         settings = segmentation.Settings(classes, options.height, options.width, seed=seed)
@@ -217,6 +217,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
+    _check(options)
+    real = frames_of(options.real).between(options.start, options.end) if options.real else None
     size = options.height, options.width
     frames = read(options.sets, options.cache / "frames", size, options.workers)
     train, test = frames["train"], frames["test"]
@@ -225,21 +227,30 @@ def _run(options: argparse.Namespace) -> None:
         ideal = read(options.without_signal, options.cache / "ideal", size, options.workers)["train"]
         if not np.array_equal(ideal.run, train.run):
             raise ConfigurationError(f"{options.without_signal} must have the runs and frames of {options.sets}")
-    rows = [
-        change
-        for change in changes(train, has_ideal=ideal is not None)
-        if not options.rows or any(word in change.name for word in options.rows)
-    ]
+    every = list(changes(train, has_ideal=ideal is not None))
+    rows = [row for row in every if not options.rows or any(word in row.name for word in options.rows)]
+    if not rows:
+        names = ", ".join(row.name for row in every)
+        raise ConfigurationError(f"no row has one of the words {', '.join(options.rows)}; the rows are {names}")
     done = list[Tried]()
     for k, change in enumerate(rows):
         if not len(change.frames):
             print(f"no frames: {change.name}", file=sys.stderr)
             continue
         source = train if change.signal or ideal is None else ideal
-        done.append(tried(change, source, test, options))
+        done.append(tried(change, source, test, real, options))
         print(*([done[-1].head()] if k == 0 else []), done[-1].line(), sep="\n", flush=True)
         if options.json:
             options.json.write_text(json.dumps([vars(each) for each in done], indent=1) + "\n", encoding="utf-8")
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name, least in (("steps", 1), ("seeds", 1), ("width", 32), ("height", 32), ("workers", 0)):
+        if getattr(options, name) < least:
+            raise ConfigurationError(f"--{name} must be at least {least}, got {getattr(options, name)}")
+    check_outputs(options.json, options.cache)
+    if options.cache.is_file():
+        raise ConfigurationError(f"--cache must be a folder, but {options.cache} is a file")
 
 
 def _parser() -> argparse.ArgumentParser:

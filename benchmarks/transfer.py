@@ -249,9 +249,7 @@ def _scores(given: Sequence[str]) -> None:
         raise ConfigurationError("--fine-tune needs --checkpoint, from which it goes on")
     if options.real_only or options.fine_tune:
         _check_blocks(options)
-    for path in (options.sheet, options.json):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ConfigurationError(f"{path} cannot be written: {path.absolute().parent} is not a folder")
+    check_outputs(options.sheet, options.json)
     if options.sheet is not None and options.sheet.suffix.lower() not in (".png", ".jpg"):
         raise ConfigurationError(f"--sheet must end with .png or .jpg, got {options.sheet}")
     written = list[Row]()
@@ -264,6 +262,13 @@ def _scores(given: Sequence[str]) -> None:
             written.append(row)
             if options.json:
                 _write_json(options.json, written)
+
+
+def check_outputs(*paths: Path | None) -> None:
+    """Raise ``ConfigurationError`` if the folder of a file that is to be written does not exist."""
+    for path in paths:
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ConfigurationError(f"{path} cannot be written: {path.absolute().parent} is not a folder")
 
 
 def _write_json(path: Path, rows: Sequence[Row]) -> None:

@@ -172,7 +172,8 @@ def far_first(xyz: NDArray[Any]) -> NDArray[np.int64]:
     """Return the points by falling distance, so that of several in a pixel the nearest is written last; no others."""
     distance = np.linalg.norm(xyz, axis=1)
     order = np.argsort(-distance, kind="stable")
-    return order[distance[order] > NO_RETURN_M]
+    found: NDArray[np.int64] = order[distance[order] > NO_RETURN_M]
+    return found
 
 
 def _middle(image: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
