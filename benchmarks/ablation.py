@@ -36,8 +36,8 @@ FEW: Final = 12
 """Least number of worlds of a learning curve."""
 
 
-class World(NamedTuple):
-    """What selects the frames of a run."""
+class Conditions(NamedTuple):
+    """Conditions of a run, which select its frames."""
 
     environment: str
     along: bool
@@ -51,12 +51,12 @@ class Frames:
 
     images: NDArray[np.uint8]
     masks: NDArray[np.uint8]
-    worlds: tuple[World, ...]
+    worlds: tuple[Conditions, ...]
     """Of each run."""
     run: NDArray[np.int64]
     """(n,) row of ``worlds`` of each frame."""
 
-    def of(self, keep: Callable[[World], bool]) -> NDArray[np.int64]:
+    def of(self, keep: Callable[[Conditions], bool]) -> NDArray[np.int64]:
         """Return the frames of runs that are kept."""
         kept = np.array([keep(world) for world in self.worlds])
         return np.flatnonzero(kept[self.run])
@@ -82,7 +82,7 @@ def read(folder: Path, cache: Path, size: tuple[int, int], workers: int) -> dict
     parts: dict[str, list[Frames]] = {}
     for name, runs in frame_arrays.splits_of(folder, 0, items=("image", "mask"), label_map="offroad").items():
         arrays = frame_arrays.read(runs, shrink, len(runs), cache / name, {"size": list(size)}, workers)
-        worlds = tuple(_world(run.run.experiment) for run in runs.runs)
+        worlds = tuple(_conditions(run.run.experiment) for run in runs.runs)
         rows = np.repeat(np.arange(len(worlds)), [len(run) for run in runs.runs])
         parts.setdefault("train" if name == "train" else "test", []).append(Frames(*arrays, worlds, rows))
     return {name: _joined(each) for name, each in parts.items()}
@@ -100,9 +100,9 @@ def _joined(parts: Sequence[Frames]) -> Frames:
     )
 
 
-def _world(experiment: Any) -> World:
+def _conditions(experiment: Any) -> Conditions:
     light = experiment.light
-    return World(
+    return Conditions(
         experiment.environment,
         experiment.frames is not None and experiment.frames.along is not None,
         str(experiment.layout.get("season", "summer")),
@@ -132,11 +132,11 @@ def changes(train: Frames, *, has_ideal: bool) -> Iterator[Change]:
         count //= 2
 
 
-def _is_in(environment: str) -> Callable[[World], bool]:
+def _is_in(environment: str) -> Callable[[Conditions], bool]:
     return lambda world: world.environment == environment
 
 
-def _kept() -> dict[str, Callable[[World], bool]]:
+def _kept() -> dict[str, Callable[[Conditions], bool]]:
     return {
         "worlds: those of the paper": lambda world: world.environment in PAPER,
         "worlds: no roads, no quarries": lambda world: world.environment not in ROADS,

@@ -7,12 +7,14 @@ from pathlib import Path
 import ablation
 import numpy as np
 import pytest
-from ablation import Frames, Tried, World, changes
+from ablation import Conditions, Frames, Tried, changes
 
 
 def test_each_row_has_the_frames_of_its_runs() -> None:
     """24 worlds, half of them parks along trails in summer, with 30 frames each."""
-    worlds = tuple(World(("park", "quarry")[k % 2], k % 2 == 0, ("summer", "winter")[k % 2], "none") for k in range(24))
+    worlds = tuple(
+        Conditions(("park", "quarry")[k % 2], k % 2 == 0, ("summer", "winter")[k % 2], "none") for k in range(24)
+    )
     run = np.repeat(np.arange(24), 30)
     nothing = np.zeros((720, 1, 1), np.uint8)
     found = {row.name: row for row in changes(Frames(nothing, nothing, worlds, run), has_ideal=True)}
