@@ -3,7 +3,7 @@
 """What each part of a training set is worth on frames that the network never saw: one table, each row one change.
 
 Run: python benchmarks/ablation.py SETS --cache FOLDER [--real REAL] [--from N] [--to N] [--without-signal SETS]
-         [--rows WORD ...] [--steps N] [--seeds N] [--width W --height H] [--json FILE]
+         [--rows WORD ...] [--steps N] [--seeds N] [--width W --height H] [--processes N] [--json FILE]
 
 SETS is the folder of a campaign of images with splits, as `fieldtruth generate standard-images` makes it. Each row
 trains the U-Net of examples/train_images.py on a part of the training frames, equally long, and scores it on worlds of
@@ -13,9 +13,12 @@ docs/baselines.md.
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -218,34 +221,68 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     _check(options)
-    real = frames_of(options.real).between(options.start, options.end) if options.real else None
-    size = options.height, options.width
-    frames = read(options.sets, options.cache / "frames", size, options.workers)
-    train, test = frames["train"], frames["test"]
-    ideal = None
-    if options.without_signal:
-        ideal = read(options.without_signal, options.cache / "ideal", size, options.workers)["train"]
-        if not np.array_equal(ideal.run, train.run):
-            raise ConfigurationError(f"{options.without_signal} must have the runs and frames of {options.sets}")
-    every = list(changes(train, has_ideal=ideal is not None))
-    rows = [row for row in every if not options.rows or any(word in row.name for word in options.rows)]
-    if not rows:
-        names = ", ".join(row.name for row in every)
+    rows = _Rows(options)
+    if not rows.chosen:
+        names = ", ".join(row.name for row in rows.every)
         raise ConfigurationError(f"no row has one of the words {', '.join(options.rows)}; the rows are {names}")
     done = list[Tried]()
-    for k, change in enumerate(rows):
+    spawn = get_context("spawn")
+    with ProcessPoolExecutor(options.processes, spawn, initializer=_begin, initargs=(options,)) as pool:
+        for k, row in enumerate(pool.map(_row, range(len(rows.chosen)))):
+            if row is None:
+                print(f"no frames: {rows.chosen[k].name}", file=sys.stderr)
+                continue
+            print(*([] if done else [row.head()]), row.line(), sep="\n", flush=True)
+            done.append(row)
+            if options.json:
+                options.json.write_text(json.dumps([vars(each) for each in done], indent=1) + "\n", encoding="utf-8")
+
+
+class _Rows:
+    """Frames, and the rows that train on them; every process reads them from the files of the cache."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options = options
+        self.real = frames_of(options.real).between(options.start, options.end) if options.real else None
+        size = options.height, options.width
+        frames = read(options.sets, options.cache / "frames", size, options.workers)
+        self.train, self.test, self.ideal = frames["train"], frames["test"], None
+        if options.without_signal:
+            self.ideal = read(options.without_signal, options.cache / "ideal", size, options.workers)["train"]
+            if not np.array_equal(self.ideal.run, self.train.run):
+                raise ConfigurationError(f"{options.without_signal} must have the runs and frames of {options.sets}")
+        self.every = list(changes(self.train, has_ideal=self.ideal is not None))
+        self.chosen = [row for row in self.every if not options.rows or any(word in row.name for word in options.rows)]
+
+    def tried(self, k: int) -> Tried | None:
+        """Train and score a chosen row; None without a frame."""
+        change = self.chosen[k]
         if not len(change.frames):
-            print(f"no frames: {change.name}", file=sys.stderr)
-            continue
-        source = train if change.signal or ideal is None else ideal
-        done.append(tried(change, source, test, real, options))
-        print(*([done[-1].head()] if k == 0 else []), done[-1].line(), sep="\n", flush=True)
-        if options.json:
-            options.json.write_text(json.dumps([vars(each) for each in done], indent=1) + "\n", encoding="utf-8")
+            return None
+        source = self.train if change.signal or self.ideal is None else self.ideal
+        return tried(change, source, self.test, self.real, self.options)
+
+
+_rows: _Rows | None = None
+"""Of this process."""
+
+
+def _begin(options: argparse.Namespace) -> None:
+    """Prepare a process: a thread for itself, because two threads train hardly faster than one."""
+    global _rows
+    import torch
+
+    torch.set_num_threads(1)
+    _rows = _Rows(options)
+
+
+def _row(k: int) -> Tried | None:
+    assert _rows is not None
+    return _rows.tried(k)
 
 
 def _check(options: argparse.Namespace) -> None:
-    for name, least in (("steps", 1), ("seeds", 1), ("width", 32), ("height", 32), ("workers", 0)):
+    for name, least in (("steps", 1), ("seeds", 1), ("width", 32), ("height", 32), ("workers", 0), ("processes", 1)):
         if getattr(options, name) < least:
             raise ConfigurationError(f"--{name} must be at least {least}, got {getattr(options, name)}")
     check_outputs(options.json, options.cache)
@@ -267,6 +304,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--width", type=int, default=128, help="of the images [pixel] (128)")
     parser.add_argument("--height", type=int, default=72, help="of the images [pixel] (72)")
     parser.add_argument("--workers", type=int, default=2, help="processes that read frames (2)")
+    parser.add_argument("--processes", type=int, default=os.cpu_count(), help="that train a row each (all cores)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="gets all figures")
     return parser
 

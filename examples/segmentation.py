@@ -84,6 +84,12 @@ def device() -> torch.device:
     return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
+def has_bfloat16(where: torch.device) -> bool:
+    """Return whether a device multiplies bfloat16 faster than float32: CUDA, and CPUs with instructions for it."""
+    known = getattr(torch.cpu, "get_capabilities", dict)()
+    return where.type == "cuda" or bool(known.get("avx512_bf16") or known.get("amx_bf16"))
+
+
 def make_network(settings: Settings) -> nn.Module:
     """Return a network whose first weights follow from the seed."""
     with torch.random.fork_rng(devices=[]):
@@ -185,7 +191,7 @@ class _Training:
             x, y = self.augment(x, y, generator)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * group["share"] * one_cycle(self.progress())
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
             logits = self.network(x.contiguous(memory_format=torch.channels_last))
         loss = nn.functional.cross_entropy(logits.float(), y, weights, ignore_index=IGNORED)
         self.optimiser.zero_grad()
