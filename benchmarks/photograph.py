@@ -69,7 +69,7 @@ def seconds_of(baked: BakedScene, camera: Camera, pose: Array) -> list[float]:
         return perf_counter() - start
 
     found = [timed(_compiled, baked.shading, framebuffer, view, labels, k) for k in range(len(STEPS))]
-    edges = timed(find_edges, framebuffer.linear, labels, framebuffer.edges)
+    edges = timed(find_edges, framebuffer.linear, labels, framebuffer.edges, BLOCK_HEIGHT)
     whole = timed(camera.render, pose)
     return [*found, found[-1] + edges, whole, timed(tonemap, framebuffer.linear, images.photo)]
 

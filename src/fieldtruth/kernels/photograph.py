@@ -323,7 +323,7 @@ EDGE_CONTRAST: Final = 0.27
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Relative step in depth that makes an edge."""
-_CONTRAST, _STEP, _TILE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4
+_CONTRAST, _STEP, _TILE, _SQUARE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4, 32
 
 
 class EdgeBuffers(NamedTuple):
@@ -339,23 +339,33 @@ def new_edge_buffers(height: int, width: int) -> EdgeBuffers:
 
 
 @kernel
-def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers) -> int:
+def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers, rows: int) -> int:
     """List pixels that differ in brightness from a neighbour on another surface; returns their number.
 
     Another surface is another instance, or a step in depth of more than EDGE_STEP: the contrast of a texture is no
-    edge. The list is in tiles, so that rays that are traced together remain neighbours.
+    edge. The list is in tiles of blocks that are ``rows`` high, so that rays that are traced together are neighbours.
     """
     _mark_edges(linear, labels, out.marked)
+    height, width = out.marked.shape
+    count = 0
+    for top in range(0, height, rows):
+        for first in range(0, width, _SQUARE):
+            for upper in range(top, min(top + rows, height), _TILE):
+                for left in range(first, min(first + _SQUARE, width), _TILE):
+                    count = _list_tile(out, upper, left, count)
+    return count
+
+
+@inlined
+def _list_tile(out: EdgeBuffers, upper: int, left: int, count: int) -> int:
+    """Append the marked pixels of a tile to the list; returns the number of all."""
     marked, pixels = out
     height, width = marked.shape
-    count = 0
-    for upper in range(0, height, _TILE):
-        for left in range(0, width, _TILE):
-            for v in range(upper, min(upper + _TILE, height)):
-                for u in range(left, min(left + _TILE, width)):
-                    if marked[v, u]:
-                        pixels[count, 0], pixels[count, 1] = v, u
-                        count += 1
+    for v in range(upper, min(upper + _TILE, height)):
+        for u in range(left, min(left + _TILE, width)):
+            if marked[v, u]:
+                pixels[count, 0], pixels[count, 1] = v, u
+                count += 1
     return count
 
 
@@ -424,7 +434,7 @@ def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels
                 normal_pixels(view.pose, batch, count, labels.normal)
             shade_view(shading, buffers, view, count)
             store(batch.image, colour, count, linear)
-    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges))
+    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges, _SQUARE))
 
 
 @kernel
@@ -506,7 +516,7 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
             label_pixels(shading.hits, batch, count, labels)
             shade_view(shading, buffers, own, count)
             store(batch.image, buffers.colour, count, linear)
-    count, start = find_edges(linear, labels, edges), 0
+    count, start = find_edges(linear, labels, edges, STRIP), 0
     while start < count:
         strip, end = edges.pixels[start, 0] // STRIP, start
         while end < count and edges.pixels[end, 0] // STRIP == strip:
