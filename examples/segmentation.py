@@ -86,7 +86,7 @@ def device() -> torch.device:
 
 def has_bfloat16(where: torch.device) -> bool:
     """Return whether a device multiplies bfloat16 faster than float32: CUDA, and CPUs with instructions for it."""
-    known = getattr(torch.cpu, "get_capabilities", dict)()
+    known: dict[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
     return where.type == "cuda" or bool(known.get("avx512_bf16") or known.get("amx_bf16"))
 
 
