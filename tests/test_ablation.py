@@ -41,6 +41,7 @@ def test_a_row_shows_means_and_half_the_range_of_its_seeds() -> None:
     [
         (["--steps", "0"], "--steps must be at least 1, got 0"),
         (["--seeds", "0"], "--seeds must be at least 1, got 0"),
+        (["--processes", "0"], "--processes must be at least 1, got 0"),
         (["--width", "8"], "--width must be at least 32, got 8"),
         (["--json", "nowhere/x.json"], "nowhere/x.json cannot be written: {folder}/nowhere is not a folder"),
         (["--cache", "nowhere/cache"], "nowhere/cache cannot be written: {folder}/nowhere is not a folder"),
