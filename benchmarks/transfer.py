@@ -3,12 +3,15 @@
 """Scores on real frames of networks that were trained on our synthetic ones, on real ones, or on both.
 
 Run: python benchmarks/transfer.py REAL [REAL ...] --checkpoint FILE [--from N] [--to N] [--sheet FILE]
-         [--real-only N ...] [--fine-tune N ...] [--train-from N --train-to N] [--minutes M] [--clouds FILE]
+         [--real-only N ...] [--fine-tune N ...] [--joint N ...] [--train-from N --train-to N] [--minutes M]
+         [--clouds FILE]
      python benchmarks/transfer.py statistics FOLDER [FOLDER ...] [--count N] [--from N] [--to N]
 
 REAL is a folder in one of the layouts of benchmarks/real_frames.py. ``--from`` and ``--to`` select the pairs that are
-scored, ``--train-from`` and ``--train-to`` those of the first REAL that ``--real-only`` and ``--fine-tune`` train on:
-N of them, or all. Both are blocks of consecutive pairs, because neighbours of a drive show the same scene.
+scored, ``--train-from`` and ``--train-to`` those of the first REAL that are trained on: N of them, or all. Both are
+blocks of consecutive pairs, because neighbours of a drive show the same scene. ``--real-only`` trains on them from the
+start, ``--fine-tune`` from the checkpoint, and so does ``--joint``, with synthetic frames of the checkpoint's folder
+in half of each batch.
 ``statistics`` prints figures of labelled images, real ones or runs of ours. Docs: docs/baselines.md.
 """
 
@@ -128,8 +131,11 @@ def training_set(frames: Frames, settings: Any) -> tuple[NDArray[np.uint8], NDAr
     return np.stack(images), np.stack(masks)
 
 
-def trained(options: argparse.Namespace, count: str, *, goes_on: bool) -> tuple[Any, Any, int]:
-    """Train a network on real pairs, from the checkpoint or from the start; return its settings and the pairs, too."""
+def trained(options: argparse.Namespace, count: str, *, goes_on: bool, joint: bool = False) -> tuple[Any, Any, int]:
+    """Train a network on real pairs, from the checkpoint or from the start; return its settings and the pairs, too.
+
+    If ``joint``, as many synthetic frames are between them, so that what these taught is not forgotten.
+    """
     from augmentation import photos
     from segmentation import Settings, fit, load, make_network
 
@@ -142,10 +148,34 @@ def trained(options: argparse.Namespace, count: str, *, goes_on: bool) -> tuple[
     block = frames_of(options.real[0], options.layout).between(options.train_from, options.train_to)
     chosen = block if count == "all" else block.spread(int(count))
     images, masks = training_set(chosen, settings)
+    if joint:
+        own = synthetic_frames(options.checkpoint, settings)
+        rows = np.arange(len(own[0])) % len(images)  # each real pair as often as another
+        images, masks = (np.concatenate([ours, real[rows]]) for ours, real in zip(own, (images, masks), strict=True))
     budget: dict[str, Any] = {"steps": options.steps} if options.steps else {"minutes": options.minutes}
     rate = FINE_RATE if goes_on else FIRST_RATE
     fit(network, settings, images, masks, augment=photos, learning_rate=rate, **budget)
     return network, settings, len(chosen)
+
+
+def synthetic_frames(checkpoint: Path, settings: Any) -> list[NDArray[np.uint8]]:
+    """Return images and masks that a network was trained on, which ``train_images.py`` keeps beside its checkpoint.
+
+    Raises:
+        ConfigurationError: they are not there, or have another size.
+    """
+    files = [checkpoint.parent / "frames" / f"train.{name}.npy" for name in ("images", "masks")]
+    if missing := [str(file) for file in files if not file.is_file()]:
+        raise ConfigurationError(
+            f"--joint needs the frames of the training beside {checkpoint}; there is no {missing[0]}"
+        )
+    found = [np.load(file, mmap_mode="r") for file in files]
+    if found[0].shape[1:3] != (settings.height, settings.width):
+        size = "x".join(map(str, found[0].shape[2:0:-1]))
+        raise ConfigurationError(
+            f"{files[0]} has frames of {size}, {checkpoint} takes {settings.width}x{settings.height}"
+        )
+    return found
 
 
 def networks(options: argparse.Namespace) -> Iterator[tuple[str, Any, Any]]:
@@ -163,6 +193,9 @@ def networks(options: argparse.Namespace) -> Iterator[tuple[str, Any, Any]]:
     for count in options.fine_tune:
         network, settings, pairs = trained(options, count, goes_on=True)
         yield f"synthetic, then real, {pairs} pairs", network, settings
+    for count in options.joint:
+        network, settings, pairs = trained(options, count, goes_on=True, joint=True)
+        yield f"synthetic, then both, {pairs} pairs", network, settings
 
 
 def rows_of(options: argparse.Namespace) -> Iterator[Row]:
@@ -245,9 +278,10 @@ def _scores(given: Sequence[str]) -> None:
     options = _parser().parse_args(given)
     if not (options.checkpoint or options.real_only or options.clouds):
         raise ConfigurationError("--checkpoint, --real-only or --clouds is needed: there is no network to score")
-    if options.fine_tune and not options.checkpoint:
-        raise ConfigurationError("--fine-tune needs --checkpoint, from which it goes on")
-    if options.real_only or options.fine_tune:
+    for name in ("fine_tune", "joint"):
+        if getattr(options, name) and not options.checkpoint:
+            raise ConfigurationError(f"--{name.replace('_', '-')} needs --checkpoint, from which it goes on")
+    if options.real_only or options.fine_tune or options.joint:
         _check_blocks(options)
     check_outputs(options.sheet, options.json)
     if options.sheet is not None and options.sheet.suffix.lower() not in (".png", ".jpg"):
@@ -294,7 +328,9 @@ def _check_blocks(options: argparse.Namespace) -> None:
         ConfigurationError: it is missing, or has pairs that are scored.
     """
     if options.train_to is None:
-        raise ConfigurationError("--real-only and --fine-tune need --train-from and --train-to, the pairs to train on")
+        raise ConfigurationError(
+            "--real-only, --fine-tune and --joint need --train-from and --train-to, the pairs to train on"
+        )
     if options.train_from < options.end and options.start < options.train_to:
         text = f"{options.train_from} to {options.train_to} and {options.start} to {options.end} overlap"
         raise ConfigurationError(f"pairs to train on and pairs to score must be apart: {text}")
@@ -324,6 +360,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clouds", type=Path, help="network trained by examples/train_clouds.py, scored on clouds")
     parser.add_argument("--real-only", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument("--fine-tune", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
+    parser.add_argument(
+        "--joint", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all, half of a batch"
+    )
     parser.add_argument("--train-from", type=int, default=0, help="number of the first pair to train on")
     parser.add_argument("--train-to", type=int, help="number after the last one")
     parser.add_argument("--minutes", type=_positive, default=5.0, help="of each training")

@@ -4,6 +4,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,40 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
 
 
+def test_synthetic_frames_between_real_ones_are_not_forgotten(tmp_path: Path) -> None:
+    """A class that only synthetic frames have, magenta, is learnt beside those of the real pair; equally often."""
+    segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
+    segmentation.torch.set_num_threads(1)
+    write_pairs(tmp_path / "ycor")
+    settings = segmentation.Settings(IMAGE_CLASSES, 32, 64)
+    segmentation.save(tmp_path / "first.pt", segmentation.make_network(settings), settings)
+    arguments = [str(tmp_path / "ycor"), "--checkpoint", str(tmp_path / "first.pt"), "--from", "20", "--steps", "40"]
+    arguments += ["--train-to", "20", "--joint", "1", "--json", str(tmp_path / "figures.json")]
+    with pytest.raises(SystemExit):
+        transfer.main(arguments)  # the frames are missing
+    (tmp_path / "frames").mkdir()
+    magenta = np.zeros((5, 32, 64, 3), np.uint8)
+    magenta[..., 0] = magenta[..., 2] = 255
+    np.save(tmp_path / "frames" / "train.images.npy", magenta)
+    np.save(tmp_path / "frames" / "train.masks.npy", np.full((5, 32, 64), IMAGE_CLASSES.index("obstacle"), np.uint8))
+    seen = list[tuple[int, int]]()
+    fit = segmentation.fit
+
+    def kept(network: Any, settings: Any, images: Any, masks: Any, **options: Any) -> None:
+        seen.append((len(images), int((masks == IMAGE_CLASSES.index("obstacle")).all(axis=(1, 2)).sum())))
+        fit(network, settings, images, masks, **options)
+        found = segmentation.predict(network, magenta[:1])[0].argmax(axis=0)
+        assert np.mean(found == IMAGE_CLASSES.index("obstacle")) > 0.9
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(segmentation, "fit", kept)
+        transfer.main(arguments)
+    assert seen == [(10, 5)]
+    _, both = json.loads((tmp_path / "figures.json").read_text())
+    assert both["network"] == "synthetic, then both, 1 pairs"
+    assert both["figures"]["right"] > 0.8
+
+
 def test_clouds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A network that sees ground below the horizon and trees above it; people count as neither."""
     segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
@@ -127,6 +162,7 @@ def test_clouds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--checkpoint", __file__], "is not a trained network"),
         (["--fine-tune", "10"], "there is no network to score"),
         (["--real-only", "3", "--fine-tune", "3"], "--fine-tune needs --checkpoint"),
+        (["--real-only", "3", "--joint", "3"], "--joint needs --checkpoint"),
         (["--real-only", "3"], "need --train-from and --train-to"),
         (["--real-only", "3", "--train-to", "20", "--from", "10"], "0 to 20 and 10 to"),
         (["--real-only", "3", "--train-to", "20", "--from", "20"], "3 pairs are asked for; there are 2"),
