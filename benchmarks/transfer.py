@@ -10,8 +10,8 @@ Run: python benchmarks/transfer.py REAL [REAL ...] --checkpoint FILE [--from N] 
 REAL is a folder in one of the layouts of benchmarks/real_frames.py. ``--from`` and ``--to`` select the pairs that are
 scored, ``--train-from`` and ``--train-to`` those of the first REAL that are trained on: N of them, or all. Both are
 blocks of consecutive pairs, because neighbours of a drive show the same scene. ``--real-only`` trains on them from the
-start, ``--fine-tune`` from the checkpoint, and so does ``--joint``, with synthetic frames of the checkpoint's folder
-in half of each batch.
+start, ``--fine-tune`` from the checkpoint, and so does ``--joint``, with as many synthetic frames of the checkpoint's
+folder between them.
 ``statistics`` prints figures of labelled images, real ones or runs of ours. Docs: docs/baselines.md.
 """
 
@@ -150,8 +150,10 @@ def trained(options: argparse.Namespace, count: str, *, goes_on: bool, joint: bo
     images, masks = training_set(chosen, settings)
     if joint:
         own = synthetic_frames(options.checkpoint, settings)
-        rows = np.arange(len(own[0])) % len(images)  # each real pair as often as another
-        images, masks = (np.concatenate([ours, real[rows]]) for ours, real in zip(own, (images, masks), strict=True))
+        rows = np.arange(max(len(own[0]), len(images)))  # both equally often, and each frame about as often as another
+        images, masks = (
+            np.concatenate([each[rows % len(each)] for each in both]) for both in zip(own, (images, masks), strict=True)
+        )
     budget: dict[str, Any] = {"steps": options.steps} if options.steps else {"minutes": options.minutes}
     rate = FINE_RATE if goes_on else FIRST_RATE
     fit(network, settings, images, masks, augment=photos, learning_rate=rate, **budget)
@@ -169,7 +171,10 @@ def synthetic_frames(checkpoint: Path, settings: Any) -> list[NDArray[np.uint8]]
         raise ConfigurationError(
             f"--joint needs the frames of the training beside {checkpoint}; there is no {missing[0]}"
         )
-    found = [np.load(file, mmap_mode="r") for file in files]
+    try:
+        found = [np.load(file, mmap_mode="r") for file in files]
+    except ValueError as error:
+        raise ConfigurationError(f"{files[0].parent} has no frames that can be read: {error}") from error
     if found[0].shape[1:3] != (settings.height, settings.width):
         size = "x".join(map(str, found[0].shape[2:0:-1]))
         raise ConfigurationError(
@@ -186,6 +191,8 @@ def networks(options: argparse.Namespace) -> Iterator[tuple[str, Any, Any]]:
         network, settings = load(options.checkpoint)
         if settings.channels != 3:
             raise ConfigurationError(f"{options.checkpoint} is a network of clouds; --clouds scores those")
+        if options.joint:
+            synthetic_frames(options.checkpoint, settings)  # a mistake is found before the first network is scored
         yield "synthetic", network, settings
     for count in options.real_only:
         network, settings, pairs = trained(options, count, goes_on=False)
@@ -361,7 +368,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--real-only", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument("--fine-tune", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all")
     parser.add_argument(
-        "--joint", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all, half of a batch"
+        "--joint", nargs="+", type=_count, default=[], metavar="N", help="pairs, or all, between synthetic ones"
     )
     parser.add_argument("--train-from", type=int, default=0, help="number of the first pair to train on")
     parser.add_argument("--train-to", type=int, help="number after the last one")

@@ -104,22 +104,37 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
 
 
-def test_synthetic_frames_between_real_ones_are_not_forgotten(tmp_path: Path) -> None:
-    """A class that only synthetic frames have, magenta, is learnt beside those of the real pair; equally often."""
+@pytest.mark.parametrize(("count", "pairs", "frames"), [(5, "1", (10, 5)), (1, "all", (4, 2))])
+def test_synthetic_frames_between_real_ones_are_not_forgotten(
+    count: int, pairs: str, frames: tuple[int, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A class that only synthetic frames have, magenta, is learnt beside those of real pairs; equally often."""
     segmentation = pytest.importorskip("segmentation", exc_type=ImportError)
     segmentation.torch.set_num_threads(1)
     write_pairs(tmp_path / "ycor")
     settings = segmentation.Settings(IMAGE_CLASSES, 32, 64)
     segmentation.save(tmp_path / "first.pt", segmentation.make_network(settings), settings)
     arguments = [str(tmp_path / "ycor"), "--checkpoint", str(tmp_path / "first.pt"), "--from", "20", "--steps", "40"]
-    arguments += ["--train-to", "20", "--joint", "1", "--json", str(tmp_path / "figures.json")]
-    with pytest.raises(SystemExit):
-        transfer.main(arguments)  # the frames are missing
-    (tmp_path / "frames").mkdir()
-    magenta = np.zeros((5, 32, 64, 3), np.uint8)
+    arguments += ["--train-to", "20", "--joint", pairs, "--json", str(tmp_path / "figures.json")]
+    magenta = np.zeros((count, 32, 64, 3), np.uint8)
     magenta[..., 0] = magenta[..., 2] = 255
+    (tmp_path / "frames").mkdir()
+    for wrong, message in (
+        (None, "there is no"),
+        (magenta[:, :16], "has frames of 64x16, "),
+        (np.array([None]), "has no frames that can be read"),
+    ):
+        for name in ("images", "masks") if wrong is not None else ():
+            np.save(tmp_path / "frames" / f"train.{name}.npy", wrong)
+        with pytest.raises(SystemExit) as stopped:
+            transfer.main(arguments)
+        assert stopped.value.code == 2
+        told = capsys.readouterr()
+        assert (told.out, len(told.err.splitlines()), message in told.err) == ("", 1, True)
+        assert not (tmp_path / "figures.json").exists()
     np.save(tmp_path / "frames" / "train.images.npy", magenta)
-    np.save(tmp_path / "frames" / "train.masks.npy", np.full((5, 32, 64), IMAGE_CLASSES.index("obstacle"), np.uint8))
+    masks = np.full(magenta.shape[:3], IMAGE_CLASSES.index("obstacle"), np.uint8)
+    np.save(tmp_path / "frames" / "train.masks.npy", masks)
     seen = list[tuple[int, int]]()
     fit = segmentation.fit
 
@@ -132,9 +147,9 @@ def test_synthetic_frames_between_real_ones_are_not_forgotten(tmp_path: Path) ->
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(segmentation, "fit", kept)
         transfer.main(arguments)
-    assert seen == [(10, 5)]
+    assert seen == [frames]
     _, both = json.loads((tmp_path / "figures.json").read_text())
-    assert both["network"] == "synthetic, then both, 1 pairs"
+    assert both["network"] == f"synthetic, then both, {frames[1] if pairs == 'all' else pairs} pairs"
     assert both["figures"]["right"] > 0.8
 
 
