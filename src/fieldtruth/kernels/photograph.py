@@ -323,7 +323,7 @@ EDGE_CONTRAST: Final = 0.27
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Relative step in depth that makes an edge."""
-_CONTRAST, _STEP, _TILE, _SQUARE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4, 32
+_CONTRAST, _STEP, _TILE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4
 
 
 class EdgeBuffers(NamedTuple):
@@ -349,9 +349,9 @@ def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers, row
     height, width = out.marked.shape
     count = 0
     for top in range(0, height, rows):
-        for first in range(0, width, _SQUARE):
+        for first in range(0, width, BLOCK_HEIGHT):
             for upper in range(top, min(top + rows, height), _TILE):
-                for left in range(first, min(first + _SQUARE, width), _TILE):
+                for left in range(first, min(first + BLOCK_HEIGHT, width), _TILE):
                     count = _list_tile(out, upper, left, count)
     return count
 
@@ -434,7 +434,7 @@ def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels
                 normal_pixels(view.pose, batch, count, labels.normal)
             shade_view(shading, buffers, view, count)
             store(batch.image, colour, count, linear)
-    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges, _SQUARE))
+    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges, BLOCK_HEIGHT))
 
 
 @kernel
