@@ -129,7 +129,8 @@ def changes(train: Frames, *, has_ideal: bool) -> Iterator[Change]:
     count = len(order)
     while count >= FEW:
         chosen = np.flatnonzero(np.isin(train.run, order[:count]))
-        yield Change(f"curve: {count} worlds", chosen)
+        if count < len(order):  # with all it is the first row
+            yield Change(f"curve: {count} worlds", chosen)
         yield Change(f"curve: {count} worlds, each fourth frame", _each(train.run, chosen, 4))
         yield Change(f"curve: {count} worlds, each fifteenth frame", _each(train.run, chosen, 15))
         count //= 2
@@ -226,8 +227,8 @@ def _run(options: argparse.Namespace) -> None:
         names = ", ".join(row.name for row in rows.every)
         raise ConfigurationError(f"no row has one of the words {', '.join(options.rows)}; the rows are {names}")
     done = list[Tried]()
-    spawn = get_context("spawn")
-    with ProcessPoolExecutor(options.processes, spawn, initializer=_begin, initargs=(options,)) as pool:
+    processes, spawn = min(options.processes, len(rows.chosen)), get_context("spawn")
+    with ProcessPoolExecutor(processes, spawn, initializer=_begin, initargs=(options,)) as pool:
         for k, row in enumerate(pool.map(_row, range(len(rows.chosen)))):
             if row is None:
                 print(f"no frames: {rows.chosen[k].name}", file=sys.stderr)
@@ -304,7 +305,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--width", type=int, default=128, help="of the images [pixel] (128)")
     parser.add_argument("--height", type=int, default=72, help="of the images [pixel] (72)")
     parser.add_argument("--workers", type=int, default=2, help="processes that read frames (2)")
-    parser.add_argument("--processes", type=int, default=os.cpu_count(), help="that train a row each (all cores)")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="that train a row each (all cores)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="gets all figures")
     return parser
 
