@@ -124,8 +124,9 @@ def test_synthetic_frames_between_real_ones_are_not_forgotten(
         (magenta[:, :16], "has frames of 64x16, "),
         (np.array([None]), "has no frames that can be read"),
     ):
-        for name in ("images", "masks") if wrong is not None else ():
-            np.save(tmp_path / "frames" / f"train.{name}.npy", wrong)
+        if wrong is not None:
+            for name in ("images", "masks"):
+                np.save(tmp_path / "frames" / f"train.{name}.npy", wrong)
         with pytest.raises(SystemExit) as stopped:
             transfer.main(arguments)
         assert stopped.value.code == 2
