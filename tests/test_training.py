@@ -166,7 +166,7 @@ def test_a_range_image_has_the_nearest_return_of_each_direction() -> None:
 def test_blocks_are_learnt_and_kept_in_a_file(tmp_path: Path) -> None:
     images, masks = coloured_blocks(16)
     network = segmentation.make_network(SMALL)
-    segmentation.fit(network, SMALL, images, masks, steps=20, batch=4, log=lambda line: None, out=tmp_path)
+    segmentation.fit(network, SMALL, images, masks, steps=40, batch=4, log=lambda line: None, out=tmp_path)
     others, truth = coloured_blocks(4, seed=1)
     found = segmentation.predict(network, others)
     np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-5)
