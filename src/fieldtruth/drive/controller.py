@@ -31,6 +31,9 @@ from fieldtruth.world.model import Heightfield, World, node_axes
 _STEP_S: Final = 0.1
 _TIMEOUT_S: Final = 30.0
 MAX_TILT_DEG: Final = 60.0  # beyond it a Husky tips over: half track 0.29 m, centre of mass 0.19 m high
+OUTSIDE: Final = "outside the world"
+IN_WATER: Final = "in the water"
+TIPPED: Final = "tipped over"
 STUCK_SECONDS: Final = 5.0
 STUCK_SHARE: Final = 0.2  # of the distance that the commanded speed makes in that time
 TIMEOUT_SECONDS: Final = 30.0  # without getting closer to the waypoint, in addition to the time for one full turn
@@ -221,15 +224,37 @@ class Nearing(NamedTuple):
     target: int
 
 
-class DriveMonitor:
-    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes."""
+class Hazards:
+    """Finds what is fatal at a pose in ``world``, whatever the robot does there."""
 
-    def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
+    def __init__(self, world: World) -> None:
         self._half_size = (world.size[0] / 2, world.size[1] / 2)
         self._field = world.terrain.field
         x, y = node_axes(self._field)
         dry = world.water_level is None
         self._wet = None if dry else self._field.heights < world.water_at(x[:, None], y)
+
+    def at(self, position: Array, quaternion_wxyz: Array) -> str:
+        """State that a robot at this pose of base_link has left the world, is in water or tipped over; empty: none."""
+        x, y = float(position[0]), float(position[1])
+        if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
+            return OUTSIDE
+        if self._wet is not None and self._wet[self._node(x, y)]:
+            return IN_WATER
+        up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
+        return TIPPED if up < math.cos(math.radians(MAX_TILT_DEG)) else ""
+
+    def _node(self, x: float, y: float) -> tuple[int, int]:
+        """Nearest node of the terrain, which covers the whole world."""
+        field = self._field
+        return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
+
+
+class DriveMonitor:
+    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes."""
+
+    def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
+        self._hazards = Hazards(world)
         self._follower = follower
         self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
@@ -241,22 +266,16 @@ class DriveMonitor:
         A robot that other commands than those of the follower drive is never stuck.
         """
         x, y = float(position[0]), float(position[1])
-        if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
-            self.fail("outside the world", time_s, x, y)
-        if self._wet is not None and self._wet[self._node(x, y)]:
-            self.fail("in the water", time_s, x, y)
-        up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
-        if up < math.cos(math.radians(MAX_TILT_DEG)):
-            self.fail("tipped over", time_s, x, y)
+        if what := self._hazards.at(position, quaternion_wxyz):
+            self.fail(what, time_s, x, y)
         if not is_following:
             self.progress = Nearing(time_s, (x, y), time_s, math.inf, -1)
         elif not self._follower.finished:
             self._check_progress(time_s, x, y)
 
-    def _node(self, x: float, y: float) -> tuple[int, int]:
-        """Nearest node of the terrain, which covers the whole world."""
-        field = self._field
-        return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
+    def touch(self, name: str, speed: float, time_s: float, position: Array) -> None:
+        """Raise: the robot has touched an object."""
+        self.fail(f"touched {name}", time_s, *position[:2])
 
     def _check_progress(self, time_s: float, x: float, y: float) -> None:
         seen, target = self.progress, self._follower.target

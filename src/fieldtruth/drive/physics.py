@@ -48,6 +48,8 @@ _HUSKY: Final = RobotConfig()
 SERVO_INTEGRAL_GAIN: Final = 5000.0  # [N m/rad], of a Husky, as the two below
 SERVO_DAMPING: Final = 60.0  # [N m s/rad]
 ROTOR_INERTIA: Final = 0.1  # [kg m^2], at the axle
+_STIFF_STEP_S: Final = 0.002
+"""Step of the physics [s] up to which the servos are stable; longer ones have rotors that are heavier by as much."""
 CHASSIS_BIT: Final = 1
 """Collides with the ground."""
 OUTLINE_BIT: Final = 2
@@ -130,7 +132,7 @@ def ramp(current: Command, target: Command, times: ArrayLike, robot: RobotConfig
     return commands
 
 
-def add_robot(spec: Any, rig: Rig) -> None:
+def add_robot(spec: Any, rig: Rig, step_s: float = STEP_S) -> None:
     """Add the robot to ``spec`` (mujoco.MjSpec): body base_link with a free joint, wheels, actuators and geoms.
 
     Joints, actuators and geoms of the wheels are in the order of their names; joints and actuators have these names,
@@ -144,7 +146,7 @@ def add_robot(spec: Any, rig: Rig) -> None:
     base.explicitinertial = True
     _add_outline(base, rig)
     for support in supports(rig):
-        body = base if support.body == "base_link" else _add_wheel(spec, base, support.body, support.hub, robot)
+        body = base if support.body == "base_link" else _add_wheel(spec, base, support, robot, step_s)
         # A tread is round across: an ellipsoid touches in one point that moves smoothly over the terrain's edges, where
         # a cylinder's rim would catch.
         body.add_geom(
@@ -190,12 +192,14 @@ def _add_outline(base: Any, rig: Rig) -> None:
         )
 
 
-def _add_wheel(spec: Any, base: Any, name: str, hub: Array, robot: RobotConfig) -> Any:
+def _add_wheel(spec: Any, base: Any, support: Support, robot: RobotConfig, step_s: float) -> Any:
     """Add a wheel with its servo; return its body."""
-    body, scale = base.add_body(name=name, pos=hub), servo_scale(robot)
+    name, scale = support.body, servo_scale(robot)
+    body = base.add_body(name=name, pos=support.hub)
     body.mass, body.inertia, body.explicitinertial = robot.wheels.mass, robot.wheels.inertia, True
     body.ipos = [0.0, 0.0, 0.0]  # on the axle; without it MuJoCo takes ``pos``, and the centre of mass orbits the axle
-    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA * scale)
+    rotor = ROTOR_INERTIA * scale * max(1.0, step_s / _STIFF_STEP_S)
+    body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=rotor)
     servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     # The commanded angle is the integral of the commanded speed, so the mean speed is exact at any load.
     servo.dyntype, servo.gaintype = mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtGain.mjGAIN_FIXED
@@ -213,11 +217,14 @@ class Physics(NamedTuple):
     obstacles: dict[int, str]
 
 
-def build_physics(world: World, rig: Rig) -> Physics:
-    """Build the robot of ``rig`` on the terrain of ``world``; every object with colliders is a fixed obstacle."""
+def build_physics(world: World, rig: Rig, step_s: float = STEP_S) -> Physics:
+    """Build the robot of ``rig`` on the terrain of ``world``; every object with colliders is a fixed obstacle.
+
+    ``step_s`` [s] is that of the physics.
+    """
     spec = mujoco.MjSpec()
     option = spec.option
-    option.timestep, option.gravity = STEP_S, [0.0, 0.0, -GRAVITY]
+    option.timestep, option.gravity = step_s, [0.0, 0.0, -GRAVITY]
     # An implicit integrator changes the wheels' acceleration after the contacts were solved: a braking robot slid back
     # by 12 mm. Joints have no damping, so Euler is explicit here and keeps the solution of the contacts.
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -231,7 +238,7 @@ def build_physics(world: World, rig: Rig) -> Physics:
         body = spec.worldbody.add_body(name=plane_geom(support.geom), mocap=True)
         body.add_geom(name=body.name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
     names = _add_obstacles(spec, world)
-    add_robot(spec, rig)
+    add_robot(spec, rig, step_s)
     for support in bearing:
         spec.add_pair(
             geomname1=plane_geom(support.geom),

@@ -8,7 +8,7 @@ starts to move. The drive ends half a second after the fix that reaches the last
 
 import math
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -247,21 +247,36 @@ class Drive:
         self._follower.update_fix(float(latitude), float(longitude))
 
 
+class Monitor(Protocol):
+    """Watches a ``SimulatedRobot``; what it raises ends the drive."""
+
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
+        """Look at the pose of base_link, after every call of ``SimulatedRobot.advance``."""
+
+    def touch(self, name: str, speed: float, time_s: float, position: Array) -> None:
+        """Take note of a step of the physics in which the robot touches an object, which it hits at a speed [m/s]."""
+
+
 class SimulatedRobot:
     """The robot of a rig in the physics simulation of a world.
 
-    ``steps`` counts the physics steps, of 1 ms, since the recording began; it is negative while the robot settles.
+    ``steps`` counts the physics steps since the recording began; it is negative while the robot settles.
 
     Args:
         world: the world to drive in.
         rig: supplies the robot.
         monitor: ends a drive that cannot go on.
-        soil: what the ground does to the wheels; None for hard ground.
+        soil: what the ground does to the wheels; None for hard ground. Its steps are as long as those of the physics.
+        step_ns: step of the physics [ns]. docs/learning.md says what longer ones change.
     """
 
-    def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: WheelSoil | None = None) -> None:
+    def __init__(
+        self, world: World, rig: Rig, monitor: Monitor, soil: WheelSoil | None = None, step_ns: int = STEP_NS
+    ) -> None:
         self.steps = 0
-        self._following = Following(world, rig, soil)
+        self._step_ns, self._step_s = step_ns, step_ns / 1e9
+        self._every = max(1, EVERY * STEP_NS // step_ns)
+        self._following = Following(world, rig, soil, self._step_s)
         self._rig = rig
         self._monitor = monitor
         self._command = STOP
@@ -271,7 +286,7 @@ class SimulatedRobot:
     @property
     def seconds(self) -> float:
         """Simulated time [s]; 0 while the robot settles."""
-        return max(0, self.steps) * STEP_NS / 1e9
+        return max(0, self.steps) * self._step_ns / 1e9
 
     @property
     def command(self) -> Command:
@@ -319,10 +334,12 @@ class SimulatedRobot:
         north, west = ahead_xy - start_xy
         self._xy = start_xy
         here = self._following.at(start_xy)
+        here.reset()
+        self._command, self._ramp = STOP, (STOP, STOP, 0)
         here.data.qpos[:3], here.data.qpos[3:7] = resting_pose(
             here.bearing, start_xy, math.atan2(west, north), self._rig
         )
-        self.steps = -round(SETTLE_SECONDS / STEP_S)
+        self.steps = -round(SETTLE_SECONDS / self._step_s)
         settled: Array = self.advance(STOP, -self.steps)[-1]
         return settled
 
@@ -348,19 +365,19 @@ class SimulatedRobot:
         here, (begun, target, since) = self.surroundings, self._ramp
         model, data, contacts = here.model, here.data, here.contacts
         qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
-        commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * STEP_S, self._rig.robot)
+        commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * self._step_s, self._rig.robot)
         turning = _WHEELS + len(self._rig.wheels.names)
         states = np.empty((count, len(qpos) + len(qvel)))
         for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
             ctrl[:] = speeds
-            if self.steps % EVERY == 0:
+            if self.steps % self._every == 0:
                 here.is_near_ground = here.hull.is_near_ground(qpos)
             contacts.update()
             mujoco.mj_step(model, data)
             self.steps += 1
             state[:7], state[7:turning], state[turning:] = qpos[:7], qvel, qpos[7:]
             if contacts.read():
-                self._monitor.fail(f"touched {here.touched()}", self.seconds, *state[:2])
+                self._monitor.touch(*here.touched(), self.seconds, state[:3])
         if count:
             self._ramp, self._command, self._xy = (begun, target, since + count), Command(*commands[-1]), states[-1, :2]
         return states

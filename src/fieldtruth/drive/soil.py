@@ -64,18 +64,20 @@ class SoilContact:
         world: supplies ground types and trails.
         wheels: supplies the size of the tyres.
         replaced: soils, by name, that replace those of ground types of the world.
+        step_s: step of the physics [s].
 
     Raises:
         ConfigurationError: a name in ``replaced`` that is no ground type of the world, or no soil.
     """
 
-    def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str]) -> None:
+    def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str], step_s: float = STEP_S) -> None:
         self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
         terrain = world.terrain
         self._cover = _grid(terrain.cover), _grid(terrain.other_ground)
         self._stones = _grid(_NO_STONES)
         self._border_width = terrain.border_width
         self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
+        self._step_s = step_s
         self.state = np.zeros((len(wheels.names), 3))
 
     def enter(self, part: World) -> None:
@@ -85,7 +87,7 @@ class SoilContact:
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
         ground = *self._cover, self._stones, self._border_width
-        step_soil(self._soils, ground, self._tyre, wheels, self.state, STEP_S)
+        step_soil(self._soils, ground, self._tyre, wheels, self.state, self._step_s)
 
 
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:

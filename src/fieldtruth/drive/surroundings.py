@@ -55,7 +55,7 @@ _MARGIN: Final = 3  # nodes added around the heightfield, with the heights of it
 WheelSoil = Callable[[Wheels], None]
 """Called before every step; it reads the wheels, and sets friction, drag, torque and sinkage in place."""
 EVERY: Final = 20
-"""Steps of the physics from one look at the ground to the next."""
+"""Steps of the physics, of 1 ms, from one look at the ground to the next."""
 NEAR: Final = 0.05
 """Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 4 cm at 5 m/s where a slope of 20 deg
 begins."""
@@ -165,10 +165,11 @@ class Hull:
 class Surroundings:
     """Model and state in MuJoCo, the wheels' contacts and the hull of a robot in ``part`` of a world."""
 
-    def __init__(self, part: World, rig: Rig, soil: WheelSoil | None) -> None:
+    def __init__(self, part: World, rig: Rig, soil: WheelSoil | None, step_s: float = STEP_S) -> None:
         self.bearing: Heightfield = bearing_field(part)
-        self.model, self._obstacles = build_physics(part, rig)
+        self.model, self._obstacles = build_physics(part, rig, step_s)
         self.data = mujoco.MjData(self.model)
+        self._soil = soil
         if isinstance(soil, SoilContact):
             soil.enter(part)
         self.contacts = WheelContacts(self.model, self.data, self.bearing, rig, soil)
@@ -184,10 +185,27 @@ class Surroundings:
     def is_near_ground(self, near: bool) -> None:
         self.model.geom_conaffinity[self._ground] = CHASSIS_BIT if near else 0
 
-    def touched(self) -> str:
-        """Name of the object that the robot touches."""
-        geoms = self.data.contact.geom.ravel().tolist()
-        return next(self._obstacles[geom] for geom in geoms if geom in self._obstacles)
+    def touched(self) -> tuple[str, float]:
+        """Name of the object that the robot touches, and how fast [m/s] they came nearer before the step.
+
+        Of several objects it is the one that is hit fastest.
+        """
+        contacts, speeds = self.data.contact, self.data.efc_vel
+        found = [
+            (max(0.0, -float(speeds[row])) if row >= 0 else 0.0, name)
+            for pair, row in zip(contacts.geom.tolist(), contacts.efc_address.tolist(), strict=True)
+            if (name := self._obstacles.get(pair[0]) or self._obstacles.get(pair[1])) is not None
+        ]
+        speed, name = max(found, key=lambda each: each[0])
+        return name, speed
+
+    def reset(self) -> None:
+        """Forget all motion: robot, wheels and soil are as they were made."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.contacts.wheels.load[:] = self.contacts.wheels.sinkage[:] = 0.0
+        if isinstance(self._soil, SoilContact):
+            self._soil.state[:] = 0.0
+        self.is_near_ground = True
 
     def save(self) -> Array:
         """Return MuJoCo's state."""
@@ -216,8 +234,8 @@ class FollowingState(NamedTuple):
 class Following:
     """The surroundings of a robot that moves through ``world``."""
 
-    def __init__(self, world: World, rig: Rig, soil: WheelSoil | None) -> None:
-        self._parts, self._rig, self._soil = WorldParts(world), rig, soil
+    def __init__(self, world: World, rig: Rig, soil: WheelSoil | None, step_s: float = STEP_S) -> None:
+        self._parts, self._rig, self._soil, self._step_s = WorldParts(world), rig, soil, step_s
         self._middle = np.zeros(2)
         self._here: Surroundings | None = None
 
@@ -237,7 +255,8 @@ class Following:
         return here
 
     def _enter(self, xy: Array) -> Surroundings:
-        self._here, self._middle = Surroundings(self._parts.around(xy, REACH), self._rig, self._soil), xy.copy()
+        part = self._parts.around(xy, REACH)
+        self._here, self._middle = Surroundings(part, self._rig, self._soil, self._step_s), xy.copy()
         return self._here
 
     def save(self) -> FollowingState:
