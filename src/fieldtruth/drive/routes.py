@@ -129,13 +129,18 @@ def _leg(row: int) -> str:
     return f"the leg from waypoint {row} to {row + 1}" if row else "the leg from the start to waypoint 1"
 
 
-def _check_waypoint(ground: Traversability, corners: Array, row: int) -> None:
-    for outline in ground.outlines_near(corners[row : row + 1], 0.0):
-        if distance_to(outline, corners[row : row + 1])[0] <= 0:
-            raise RouteError(f"{_waypoint(corners, row)} is in {outline.name}; move it to free ground")
-    blockage = Blockage(ground.blockage_at(corners[row])[0])
+def check_point(ground: Traversability, point: Array, what: str) -> None:
+    """Raise ``RouteError`` if a point (2,) [m], ``what`` in words, is in an obstacle or on ground that blocks."""
+    for outline in ground.outlines_near(point[None], 0.0):
+        if distance_to(outline, point[None])[0] <= 0:
+            raise RouteError(f"{what} is in {outline.name}; move it to free ground")
+    blockage = Blockage(ground.blockage_at(point)[0])
     if blockage in _TERRAIN:
-        raise RouteError(f"{_waypoint(corners, row)} is {BLOCKAGE_TEXTS[blockage]}")
+        raise RouteError(f"{what} is {BLOCKAGE_TEXTS[blockage]}")
+
+
+def _check_waypoint(ground: Traversability, corners: Array, row: int) -> None:
+    check_point(ground, corners[row], _waypoint(corners, row))
     if row:
         spacing = float(np.linalg.norm(corners[row] - corners[row - 1]))
         if not SPACING[0] - _ROUNDING <= spacing <= SPACING[1] + _ROUNDING:
@@ -221,12 +226,13 @@ class RouteGrid:
 class RoutePart:
     """Connected free nodes of a part of the ground, and the cost of moving between neighbours.
 
-    ``nodes`` (n, 2) and ``clearance`` (n,) there are in m.
+    ``nodes`` (n, 2) and ``clearance`` (n,) there are in m. They are the ``free`` (nx, ny) ones of a grid, row by row,
+    whose first one is at ``corner`` (2,) [m].
     Searching all nodes of a world for each path takes time and memory that grow with its area.
     """
 
     def __init__(self, free: Mask, clearance: NDArray[np.float32], corner: Array) -> None:
-        self._free, self._corner = free, corner
+        self.free, self.corner = free, corner
         cells = np.argwhere(free)
         self.nodes: Array = (cells * NODE + corner).astype(np.float64)
         self.clearance = clearance[free].astype(np.float64)
@@ -248,13 +254,20 @@ class RoutePart:
 
     def distances_from(self, point: Array) -> Array:
         """Length [m] of the shortest path from ``point`` to each node; infinite where none is within this part."""
-        return self._dijkstra(self._nearest(point), np.ones(len(self.nodes)))[0]
+        return self._dijkstra(self.nearest(point), np.ones(len(self.nodes)))[0]
+
+    def paths_to(self, node: int) -> tuple[Array, NDArray[np.int32]]:
+        """Length [m] of the shortest path from each node to one, and the next node on it; -1 at its end.
+
+        Without a path the length is infinite.
+        """
+        return self._dijkstra(node, np.ones(len(self.nodes)))
 
     def random_path(self, state: KinematicState, driven: Array, rng: np.random.Generator) -> Array:
         """Path (n, 2) [m] from ``state`` to a random node, preferably far from the ``driven`` points (m, 2)."""
         position = np.array([state.x, state.y])
         to_driven = self._distance_from(driven)
-        source = self._nearest(position)
+        source = self.nearest(position)
         cost, before = self._dijkstra(source, self._cost(state, to_driven, rng))
         far = np.flatnonzero((np.linalg.norm(self.nodes - position, axis=1) > MIN_DISTANCE) & np.isfinite(cost))
         far = far if len(far) else np.array([int(np.where(np.isfinite(cost), cost, -1).argmax())])
@@ -267,19 +280,20 @@ class RoutePart:
             path.append(node)
         return self.nodes[path[::-1]]
 
-    def _nearest(self, point: Array) -> int:
+    def nearest(self, point: Array) -> int:
+        """Return the node that is nearest to a point (2,) [m]."""
         return int(((self.nodes - point) ** 2).sum(axis=1).argmin())
 
     def _distance_from(self, driven: Array) -> Array:
-        fresh = np.ones(self._free.shape, bool)
-        cells = np.rint((driven - self._corner) / NODE).astype(int)
+        fresh = np.ones(self.free.shape, bool)
+        cells = np.rint((driven - self.corner) / NODE).astype(int)
         inside = ((cells >= 0) & (cells < fresh.shape)).all(axis=1)
         fresh[tuple(cells[inside].T)] = False
-        return np.asarray(distance_transform_edt(fresh)[self._free] * NODE)
+        return np.asarray(distance_transform_edt(fresh)[self.free] * NODE)
 
     def _cost(self, state: KinematicState, to_driven: Array, rng: np.random.Generator) -> Array:
         """Cost per metre at each node: random, and high near obstacles, on driven ground and behind the robot."""
-        noise = gaussian_filter(rng.standard_normal(self._free.shape), 3.0 / NODE)[self._free]
+        noise = gaussian_filter(rng.standard_normal(self.free.shape), 3.0 / NODE)[self.free]
         offset = self.nodes - (state.x, state.y)
         distance = np.linalg.norm(offset, axis=1)
         ahead = offset @ (np.cos(state.heading), np.sin(state.heading)) / np.maximum(distance, 1e-9)

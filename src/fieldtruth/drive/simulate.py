@@ -320,6 +320,11 @@ class SimulatedRobot:
         """Angular speeds (wheels,) [rad/s], positive forwards."""
         return np.array(self.surroundings.data.qvel[6:])
 
+    @property
+    def power(self) -> float:
+        """Mechanical power [W] that the motors give to the wheels; what others give back to theirs is lost."""
+        return float(np.maximum(self.surroundings.data.actuator_force * self.wheel_speeds, 0.0).sum())
+
     def save(self) -> RobotState:
         """Return what ``restore`` needs to go on from here."""
         return RobotState(self.steps, self._ramp, self._command, self._xy, self._following.save())

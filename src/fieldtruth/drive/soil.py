@@ -22,7 +22,7 @@ from fieldtruth.core.yaml_io import package_data
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.kernels.soil import Grid, Tyre, Wheels, step_soil
+from fieldtruth.kernels.soil import Grid, Tyre, Wheels, sinkage, step_soil
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]
@@ -88,6 +88,15 @@ class SoilContact:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
         ground = *self._cover, self._stones, self._border_width
         step_soil(self._soils, ground, self._tyre, wheels, self.state, self._step_s)
+
+
+def sinkage_at(world: World, wheels: WheelConfig, load: float, x: Array, y: Array) -> Array:
+    """Return how deep [m] a standing wheel that carries ``load`` [N] sinks at x, y [m] of any shape, without stones."""
+    terrain, tyre = world.terrain, (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
+    depths = np.array([sinkage(load, tyre, row) for row in soil_rows(_soil_names(world, {}))])
+    count, weights = len(terrain.ground_materials), terrain.cover.at(x, y).reshape(*np.shape(x), -1)
+    mixed = weights @ depths[:count] / np.maximum(weights.sum(axis=-1), 1e-6)
+    return np.asarray(np.where(terrain.other_ground.at(x, y) < 0, depths[count], mixed))
 
 
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:

@@ -1,0 +1,409 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The environments: a task, a robot that is driven for a step of control, observation, reward and end."""
+
+import json
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar, Final, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError, RouteError, UnknownNameError
+from fieldtruth.drive.physics import Command, skid_compensation
+from fieldtruth.drive.routes import NODE
+from fieldtruth.drive.track import STEP_NS
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import validated
+from fieldtruth.kernels.height_maps import mark_seen
+from fieldtruth.learning import tasks
+from fieldtruth.learning.rewards import EpisodeMetrics, Step, reward_terms, weights_of
+from fieldtruth.learning.robot import EpisodeRobot, Happened
+from fieldtruth.learning.senses import Senses, rigs_of
+from fieldtruth.learning.task_world import TaskWorld, kept
+from fieldtruth.learning.tasks import Task
+from fieldtruth.world.build import check_experiment, load_world
+from fieldtruth.world.model import World
+
+TEST_WORLDS: Final = 1000
+"""Seed from which on worlds are for tests; those below are for training."""
+REACHED: Final = "reached"
+TIME: Final = "time"
+OFF_TRAIL: Final = "off the trail"
+ARRIVAL: Final = 1.0
+"""Distance [m] from the goal, or length of path to it, at which it is reached."""
+_OFF: Final = 3.0  # [m] from the trail's edge
+_SEEN: Final = 0.8  # share of the free ground that Explore asks for
+_OPTIONS: Final = ("difficulty", "start", "goal", "heading", "world")
+_PHYSICS_MS: Final = (1, 2, 4, 5)
+
+
+class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+    """A robot with a task in one of our worlds; docs/learning.md says what its observations and rewards are.
+
+    Args:
+        environment: a name from ``list_environments``, or an environment's file.
+        worlds: the seeds of the worlds, or how many, counted from 0, or of the split test from ``TEST_WORLDS``.
+        split: of worlds that are counted.
+        world: a world that replaces them.
+        episodes_per_world: after which another of several worlds is drawn.
+        difficulty: from 0 to 1, or the lowest and highest, between which each episode draws.
+        observation: names of ``OBSERVATIONS``; one name makes a Box, several a Dict.
+        action: the robot's speed [m/s] and turn rate [rad/s], or speeds [rad/s] of the wheels on the left and right.
+        reward: weights that replace some of ``WEIGHTS``.
+        robot: a name from ``fieldtruth list robots``, or the robot of a rig as in an experiment.
+        sensors: values that replace some of the sensors ``lidar`` and ``camera``.
+        light, season, layout: as in an experiment; of photographs, and of worlds that are built.
+        control_hz: steps per second.
+        physics_ms: step of the physics [ms].
+        time_limit: [s] after which an episode is truncated; None for 20 s and four times the path at full speed.
+        render_mode: ``rgb_array``, a photograph from behind the robot, or None.
+
+    Raises:
+        ConfigurationError, UnknownNameError: a value that is not allowed.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's name)
+    has_goal: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        environment: str = "park",
+        *,
+        worlds: int | Sequence[int] = 1,
+        split: Literal["train", "test"] = "train",
+        world: World | None = None,
+        episodes_per_world: int = 20,
+        difficulty: float | tuple[float, float] = (0.0, 1.0),
+        observation: str | Iterable[str] = "state",
+        action: Literal["speed", "wheels"] = "speed",
+        reward: Mapping[str, float] | None = None,
+        robot: str | Mapping[str, Any] | None = None,
+        sensors: Mapping[str, Mapping[str, Any]] | None = None,
+        light: str | Mapping[str, Any] | None = None,
+        season: str | None = None,
+        layout: Mapping[str, Any] | None = None,
+        control_hz: float = 10.0,
+        physics_ms: int = 5,
+        time_limit: float | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self._given, self._per_world = world, _whole("episodes_per_world", episodes_per_world)
+        self._seeds = (0,) if world is not None else _seeds_of(worlds, split)
+        self._experiment = _experiment(environment, robot, light, season, layout, known=world is not None)
+        self._difficulty = _range_of(difficulty)
+        self._weights = weights_of(reward)
+        rig = self._experiment.rig
+        self._senses = Senses(observation, rigs_of(rig, sensors or {}), has_goal=self.has_goal)
+        self.observation_space = self._senses.space
+        self.action_space = _action_space(action, self._experiment)
+        self._by_wheels = action == "wheels"
+        self._step_ns, self._steps = _steps_of(control_hz, physics_ms)
+        if time_limit is not None and not 0 < time_limit < float("inf"):
+            raise ConfigurationError(f"time_limit must be above 0 s, or None, got {time_limit!r}")
+        self._time_limit = time_limit
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UnknownNameError("render_mode", str(render_mode), self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": control_hz}
+        self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
+        self._seed, self._episodes = self._seeds[0], 0
+        self._task: Task | None = None
+
+    @abstractmethod
+    def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
+        """Choose start and goal."""
+
+    def _progress(self) -> float:
+        """Return what was gained in a step: by default metres of the planner's path."""
+        left = self._current.left(self._robot.now.xy)
+        gained = self._left - left if np.isfinite(left) else 0.0
+        self._left = left if np.isfinite(left) else self._left
+        return gained
+
+    def _reached(self) -> bool:
+        """Return whether the task is done."""
+        return self._left < ARRIVAL
+
+    def _own_cause(self) -> str:
+        """Return why the task alone ends here; empty if it does not."""
+        return ""
+
+    @property
+    def task(self) -> Task:
+        """Start, goal, path lengths and hazard of the episode."""
+        return self._current
+
+    @property
+    def _current(self) -> Task:
+        if self._task is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step() or render()")
+        return self._task
+
+    @property
+    def _robot(self) -> EpisodeRobot:
+        assert self._robots is not None
+        return self._robots[1]
+
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: of what is drawn from now on: worlds, tasks; equal seeds and actions give equal observations.
+            options: ``difficulty``, ``world`` (a seed), ``start`` and ``goal`` (x, y [m]), ``heading`` [rad].
+
+        Raises:
+            UnknownNameError, ConfigurationError: an option that is not allowed.
+            RouteError: no start and goal in this world, or given ones that are blocked or not connected.
+        """
+        super().reset(seed=seed)
+        chosen = dict(options or {})
+        for name in chosen:
+            if name not in _OPTIONS:
+                raise UnknownNameError("option", name, _OPTIONS)
+        if seed is not None:
+            self._episodes = 0
+        if self._episodes % self._per_world == 0:
+            self._seed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
+        self._episodes += 1
+        made = self._enter(int(chosen.get("world", self._seed)))
+        low, high = self._difficulty if "difficulty" not in chosen else _range_of(chosen["difficulty"])
+        difficulty = float(self.np_random.uniform(low, high))
+        self._task = self._with_given(made, self._new_task(made, difficulty), chosen)
+        self._begin(made, self._task)
+        return self._senses.read(), {
+            "world": made.world.seed,
+            "difficulty": difficulty,
+            "hazard": self._task.hazard,
+            "shortest_m": self._task.shortest,
+        }
+
+    def _with_given(self, made: TaskWorld, task: Task, chosen: Mapping[str, Any]) -> Task:
+        """Return the task with what the options say."""
+        if not {"start", "goal", "heading"} & {*chosen}:
+            return task
+        start, heading = _point("start", chosen, task.start), float(chosen.get("heading", task.heading))
+        goal = _point("goal", chosen, task.start if task.goal is None else task.goal)
+        if {"start", "goal"} & {*chosen}:
+            found = tasks.given_task(made, start, goal, heading)
+            return found if self.has_goal else tasks.changed(task, start=start, heading=heading)
+        return tasks.changed(task, heading=heading)
+
+    def _begin(self, made: TaskWorld, task: Task) -> None:
+        cause = self._robot.put_down(task.start, task.heading)
+        if cause:
+            raise RouteError(f"the robot cannot stand at x {task.start[0]:.1f} m, y {task.start[1]:.1f} m: {cause}")
+        self._senses.begin(made, self._robot, task)
+        self._left, self._action = task.left(self._robot.now.xy), np.zeros(2)
+        self._straight = self._to_goal()
+        robot = self._experiment.rig.robot
+        usual = 20.0 + 4.0 * (task.shortest or 60.0) / robot.max_speed
+        self._limit = usual if self._time_limit is None else self._time_limit
+        self._metrics = EpisodeMetrics(self._robot.now.xy, task.shortest)
+
+    def _enter(self, seed: int) -> TaskWorld:
+        """Return a world, in which the robot is from now on."""
+        experiment, given = self._experiment, self._given
+        key = (id(given) if given is not None else (experiment.environment, json.dumps(dict(experiment.layout)), seed),
+               experiment.rig.model_dump_json(), experiment.light.model_dump_json())  # fmt: skip
+
+        def make() -> TaskWorld:
+            world = given if given is not None else load_world(experiment.environment, seed, experiment.layout)
+            return TaskWorld(world, experiment.rig, experiment.light)
+
+        made = kept(key, make)
+        if self._robots is None or self._robots[0] is not made:
+            self._robots = None  # one in memory
+            self._robots = made, EpisodeRobot(made.world, experiment.rig, self._step_ns, self._steps)
+        return made
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Drive for a step of control; ``info["reward"]`` has the terms, at the end ``info["metrics"]`` the episode's.
+
+        Args:
+            action: as ``action_space``; cut at its limits.
+
+        Raises:
+            ConfigurationError: another number of values, or one that is not finite.
+        """
+        task, command = self._current, self._command(action)
+        happened = self._robot.drive(command)
+        progress, before = self._progress(), self._straight
+        self._straight = self._to_goal()
+        reached = self._reached()
+        cause = happened.cause or (REACHED if reached else self._own_cause())
+        done = self._step_of(happened, progress, before - self._straight, cause)
+        terms = reward_terms(done, self._weights)
+        reward = float(sum(terms.values()))
+        self._metrics.add(done, reward)
+        seconds = self._robot.seconds
+        truncated = not cause and seconds >= self._limit - 1e-9
+        info: dict[str, Any] = {"reward": terms, "cause": cause or (TIME if truncated else "")}
+        if cause or truncated:
+            info["metrics"] = self._metrics.result(seconds, success=cause == REACHED)
+        del task
+        return self._senses.read(), reward, bool(cause), truncated, info
+
+    def _step_of(self, happened: Happened, progress: float, straight: float, cause: str) -> Step:
+        return Step(
+            seconds=self._steps * self._step_ns / 1e9,
+            progress=progress,
+            straight=straight,
+            change=self._change,
+            happened=happened,
+            now=self._robot.now,
+            reached=cause == REACHED,
+            failed=cause not in ("", REACHED),
+        )
+
+    def _command(self, action: ArrayLike) -> Command:
+        """Return the command of an action, and note its change as a share of its range."""
+        space = self.action_space
+        assert isinstance(space, spaces.Box)
+        values = np.asarray(action, np.float64)
+        if values.shape != (2,) or not np.isfinite(values).all():
+            raise ConfigurationError(f"action must be two finite numbers, got {action!r:.60}")
+        values = np.clip(values, space.low, space.high)
+        shares = values / space.high
+        self._change, self._action = (shares - self._action) / 2.0, shares
+        if not self._by_wheels:
+            return Command(float(values[0]), float(values[1]))
+        wheels, (left, right) = self._experiment.rig.wheels, (values * self._experiment.rig.wheels.radius).tolist()
+        return Command((left + right) / 2, (right - left) / (2 * wheels.half_track * skid_compensation(wheels)))
+
+    def _to_goal(self) -> float:
+        goal = self._current.goal
+        return 0.0 if goal is None else float(np.linalg.norm(goal - self._robot.now.xy))
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Return the photograph (270, 480, 3) from behind the robot; the first one bakes the world's light."""
+        return self._senses.rendered() if self.render_mode and self._current else None
+
+
+class Reach(FieldEnv):
+    """Drive to a goal 10 to 60 m away, through obstacles, slopes and soft soil."""
+
+    has_goal = True
+
+    def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
+        return tasks.reach_task(made, difficulty, self.np_random)
+
+    def _reached(self) -> bool:
+        return self._straight < ARRIVAL
+
+
+class Follow(FieldEnv):
+    """Follow a trail that only the sensors show, to a point 10 to 60 m along it."""
+
+    def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
+        return tasks.follow_task(made, difficulty, self.np_random)
+
+    def _own_cause(self) -> str:
+        assert self._robots is not None
+        x, y = self._robot.now.xy
+        return OFF_TRAIL if self._robots[0].world.terrain.trail_distance.at(x, y) > _OFF else ""
+
+
+class Explore(FieldEnv):
+    """See the free ground around the start, with the LiDAR, as soon as possible."""
+
+    def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
+        return tasks.explore_task(made, difficulty, self.np_random)
+
+    def _begin(self, made: TaskWorld, task: Task) -> None:
+        super()._begin(made, task)
+        assert task.wanted is not None
+        self._unseen = task.wanted.copy()
+        self._count = self._rest = int(task.wanted.sum())
+
+    def _progress(self) -> float:
+        seen = mark_seen(
+            self._unseen, self._current.corner, NODE, self._senses.world_from_scanner, self._senses.cloud.xyz
+        )
+        self._rest -= seen
+        return seen * NODE**2
+
+    def _reached(self) -> bool:
+        return self._rest <= (1.0 - _SEEN) * self._count
+
+
+def _experiment(
+    environment: str,
+    robot: str | Mapping[str, Any] | None,
+    light: str | Mapping[str, Any] | None,
+    season: str | None,
+    layout: Mapping[str, Any] | None,
+    *,
+    known: bool,
+) -> Experiment:
+    """Return an experiment with what an environment is given; ``known``: its world exists already."""
+    values: dict[str, Any] = {"name": "learning", "environment": environment}
+    values["route"] = {"random": {"length_m": 20, "seed": 0}}
+    values["layout"] = {**(layout or {}), **({} if season is None else {"season": season})}
+    values |= {} if robot is None else {"rig": {"robot": robot}}
+    values |= {} if light is None else {"light": light}
+    made = validated(values, "")
+    if not known:
+        check_experiment(made)
+    return made
+
+
+def _seeds_of(worlds: int | Sequence[int], split: str) -> tuple[int, ...]:
+    if split not in ("train", "test"):
+        raise UnknownNameError("split", str(split), ("train", "test"))
+    if isinstance(worlds, int):
+        first = TEST_WORLDS if split == "test" else 0
+        worlds = range(first, first + min(_whole("worlds", worlds), TEST_WORLDS))
+    seeds = tuple(int(seed) for seed in worlds)
+    if not seeds or min(seeds) < 0:
+        raise ConfigurationError(f"worlds must be a number of worlds, or their seeds, from 0 on; got {worlds!r:.60}")
+    return seeds
+
+
+def _whole(name: str, value: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ConfigurationError(f"{name} must be a whole number from 1 on, got {value!r}")
+    return value
+
+
+def _range_of(difficulty: Any) -> tuple[float, float]:
+    pair = difficulty if isinstance(difficulty, tuple | list) else (difficulty, difficulty)
+    numbers = len(pair) == 2 and all(isinstance(each, int | float | np.number) for each in pair)
+    if not numbers or not 0.0 <= pair[0] <= pair[1] <= 1.0:
+        raise ConfigurationError(f"difficulty must be from 0 to 1, or (lowest, highest), got {difficulty!r:.60}")
+    return float(pair[0]), float(pair[1])
+
+
+def _point(name: str, chosen: Mapping[str, Any], usual: Array) -> Array:
+    point = np.asarray(chosen.get(name, usual), np.float64)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ConfigurationError(f"{name} must be x, y [m], got {chosen[name]!r:.60}")
+    return point
+
+
+def _steps_of(control_hz: float, physics_ms: int) -> tuple[int, int]:
+    """Return the step of the physics [ns], and how many of them are a step of control."""
+    if physics_ms not in _PHYSICS_MS:
+        raise ConfigurationError(f"physics_ms must be one of {', '.join(map(str, _PHYSICS_MS))}, got {physics_ms!r}")
+    if not 1.0 <= control_hz <= 200.0:
+        raise ConfigurationError(f"control_hz must be from 1 to 200, got {control_hz!r}")
+    steps = 1000.0 / control_hz / physics_ms
+    if abs(steps - round(steps)) > 1e-9:
+        raise ConfigurationError(
+            f"control_hz must make whole steps of the physics of {physics_ms} ms, got {control_hz!r}"
+        )
+    return physics_ms * STEP_NS, round(steps)
+
+
+def _action_space(action: str, experiment: Experiment) -> spaces.Box:
+    robot = experiment.rig.robot
+    if action not in ("speed", "wheels"):
+        raise UnknownNameError("action", str(action), ("speed", "wheels"))
+    turning = robot.max_speed / robot.wheels.radius
+    most = (robot.max_speed, robot.max_turn_rate) if action == "speed" else (turning, turning)
+    high = np.array(most, np.float32)
+    return spaces.Box(-high, high, dtype=np.float32)

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot of an episode: driven for a step of control, with what happened to it in that time."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.transforms import pose_from_quaternion_wxyz
+from fieldtruth.drive.controller import IN_WATER, OUTSIDE, TIPPED, Hazards
+from fieldtruth.drive.physics import Command
+from fieldtruth.drive.simulate import SimulatedRobot
+from fieldtruth.drive.soil import SoilContact
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.world.model import World
+
+HIT: Final = "hit an obstacle"
+STUCK: Final = "stuck"
+CAUSES: Final = (TIPPED, HIT, STUCK, IN_WATER, OUTSIDE)
+"""Why the robot can go no further."""
+HIT_ENERGY: Final = 5.0
+"""[J] of a hit that ends an episode: 0.45 m/s head-on for a robot of 50 kg."""
+STUCK_SECONDS: Final = 10.0
+STUCK_METRES: Final = 0.3
+"""A robot that has moved no farther in ``STUCK_SECONDS`` is stuck, whatever its commands were."""
+_APART_S: Final = 0.5  # between two touches of an object, without one, for them to count as two
+_CREEP: Final = 0.05  # [m/s] of the tread below which there is no slip
+
+
+class Now(NamedTuple):
+    """State of the robot after a step of control."""
+
+    world_from_base: Array  # (4, 4)
+    heading: float  # [rad]
+    roll: float  # [rad]
+    pitch: float  # [rad], positive with the nose down
+    velocity: Array  # (3,) [m/s] of base_link's origin, in base_link
+    turn_rate: float  # [rad/s]
+    wheel_speeds: Array  # (n,) [rad/s]
+    slip: float  # -1 to 1: share of the treads' mean speed by which the robot is slower
+
+    @property
+    def xy(self) -> Array:
+        """Position (2,) [m]."""
+        return self.world_from_base[:2, 3]
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle [deg] between the robot's vertical axis and the world's."""
+        return math.degrees(math.acos(min(max(float(self.world_from_base[2, 2]), -1.0), 1.0)))
+
+
+class Happened(NamedTuple):
+    """What a step of control has done: work [J] of the motors, energy [J] of hits, new touches, and why it ended."""
+
+    work: float
+    hit: float
+    touches: int
+    cause: str
+
+
+class _Watch:
+    """What a ``SimulatedRobot`` reports to."""
+
+    def __init__(self, world: World, mass: float) -> None:
+        self._hazards, self._mass = Hazards(world), mass
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was."""
+        self.cause, self.hit, self.touches = "", 0.0, 0
+        self._touched_s = -math.inf
+
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
+        """Note what is fatal about a pose."""
+        self.cause = self.cause or self._hazards.at(position, quaternion_wxyz)
+
+    def touch(self, name: str, speed: float, time_s: float, position: Array) -> None:
+        """Note a touch; the energy of a hit is that of the whole robot at the speed across the surface."""
+        energy = 0.5 * self._mass * speed**2
+        self.hit = max(self.hit, energy)
+        self.touches += time_s - self._touched_s > _APART_S
+        self._touched_s = time_s
+        if energy > HIT_ENERGY:
+            self.cause = self.cause or HIT
+
+
+class EpisodeRobot:
+    """The robot of a rig in a world, which is put down anew for every episode.
+
+    Args:
+        world: to drive in.
+        rig: supplies the robot.
+        step_ns: step of the physics [ns].
+        steps: of the physics in a step of control.
+    """
+
+    def __init__(self, world: World, rig: Rig, step_ns: int, steps: int) -> None:
+        self._rig, self._steps, self._period_s = rig, steps, steps * step_ns / 1e9
+        self._watch = _Watch(world, rig.robot.mass)
+        soil = SoilContact(world, rig.wheels, {}, step_ns / 1e9)
+        self.physics = SimulatedRobot(world, rig, self._watch, soil, step_ns)
+        self.now: Now
+
+    def put_down(self, xy: Array, heading: float) -> str:
+        """Let the robot come to rest at a point (2,) [m]; return why it cannot drive from there, empty if it can."""
+        self.physics.spawn(xy, xy + np.array([math.cos(heading), math.sin(heading)]))
+        cause = self._watch.cause
+        self._watch.begin()
+        self._at, self._moved_s = np.array(xy, np.float64), 0.0
+        self.now = self._read()
+        return cause
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s] of the episode."""
+        return self.physics.seconds
+
+    def drive(self, command: Command) -> Happened:
+        """Drive towards a command for a step of control."""
+        watch = self._watch
+        watch.hit, touches = 0.0, watch.touches
+        self.physics.advance(command, self._steps)
+        work = self.physics.power * self._period_s
+        now = self._read()
+        if np.isfinite(now.world_from_base).all():
+            self.now = now
+        if math.dist(self.now.xy, self._at) > STUCK_METRES:
+            self._at, self._moved_s = self.now.xy.copy(), self.seconds
+        elif self.seconds - self._moved_s >= STUCK_SECONDS - 1e-9:
+            watch.cause = watch.cause or STUCK
+        return Happened(work, watch.hit, watch.touches - touches, watch.cause)
+
+    def _read(self) -> Now:
+        position, quaternion = self.physics.pose
+        velocity, turn_rate = self.physics.velocity
+        pose = pose_from_quaternion_wxyz(position, quaternion)
+        wheels = self.physics.wheel_speeds
+        own = pose[:3, :3].T @ velocity
+        tread = float(wheels.mean()) * self._rig.wheels.radius
+        slip = 1.0 - float(own[0]) / tread if abs(tread) > _CREEP else 0.0
+        return Now(
+            world_from_base=pose,
+            heading=math.atan2(pose[1, 0], pose[0, 0]),
+            roll=math.atan2(pose[2, 1], pose[2, 2]),
+            pitch=math.asin(min(max(-float(pose[2, 0]), -1.0), 1.0)),
+            velocity=own,
+            turn_rate=float(turn_rate[2]),
+            wheel_speeds=wheels,
+            slip=min(max(slip, -1.0), 1.0),
+        )

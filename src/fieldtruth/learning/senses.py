@@ -1,0 +1,283 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Observations of a robot: their spaces, known before a world is loaded, and their values in a world.
+
+The sensors are those of rigs: a LiDAR of few rays, a small camera, and one behind the robot that renders.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from fieldtruth.core import readings
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.drive.traversability import CELL, obstacle_height
+from fieldtruth.experiment.files import validated
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.kernels.height_maps import crop_heights, raise_to_points
+from fieldtruth.kernels.packets import Grid
+from fieldtruth.learning.robot import EpisodeRobot, Now
+from fieldtruth.learning.task_world import TaskWorld
+from fieldtruth.learning.tasks import Task
+from fieldtruth.sensors.kind import At, Sensor, standing
+from fieldtruth.sensors.known import sensor_class
+
+OBSERVATIONS: Final = (
+    "state",
+    "lidar",
+    "lidar/class",
+    "elevation",
+    "elevation/seen",
+    "camera/photo",
+    "camera/label",
+    "privileged",
+)
+"""Names; ``camera`` alone means both of its images."""
+_MAP: Final = 64  # cells along each side of an elevation map
+_MAP_LIMIT: Final = 2.0  # [m]
+_FAR: Final = 1000.0  # [m] to a goal
+_FAST: Final = 20.0  # [m/s]
+_SPIN: Final = 20.0  # [rad/s]
+_WHEEL: Final = 200.0  # [rad/s]
+_LOAD: Final = 1e5  # [N]
+_SCAN: Final = {"kind": "lidar", "name": "lidar", "columns": 180, "rings": 16, "spinning": False}
+_VIEW: Final = {"kind": "camera", "name": "camera", "width": 96, "height": 54}
+_BEHIND: Final = {
+    **{"kind": "camera", "name": "behind", "width": 480, "height": 270},
+    "mount": {"xyz": [-2.4, 0.0, 1.7], "rpy_deg": [0.0, 22.0, 0.0]},
+}
+
+
+class Rigs(NamedTuple):
+    """The robot with the sensors of observations, and with the camera that renders, which sees the robot."""
+
+    observing: Rig
+    rendering: Rig
+
+
+def rigs_of(rig: Rig, changed: Mapping[str, Mapping[str, Any]]) -> Rigs:
+    """Return the rigs of a robot; ``changed`` are values of the sensors ``lidar`` and ``camera``.
+
+    They are where the rig has its own, or above the middle of the robot.
+
+    Raises:
+        UnknownNameError: another sensor.
+        ConfigurationError: a value that is not allowed.
+    """
+    for name in changed:
+        if name not in ("lidar", "camera"):
+            raise UnknownNameError("sensor of observations", name, ("lidar", "camera"))
+    above = {"xyz": [0.0, 0.0, rig.robot.chassis_top + 0.3]}
+    sensors = []
+    for base, kind in ((_SCAN, readings.Cloud), (_VIEW, readings.Image)):
+        own = rig.giving(kind)
+        mount = own[0].mount.model_dump() if own else above
+        sensors.append({**base, "mount": mount, **changed.get(str(base["name"]), {})})
+    robot = rig.robot.model_dump()
+
+    def made(each: list[dict[str, Any]], *, visible: bool) -> Rig:
+        values = {"name": "learning", "environment": "park", "route": {"random": {"length_m": 20, "seed": 0}}}
+        return validated({**values, "rig": {"robot": robot, "sensors": each, "visible": visible}}, "sensors").rig
+
+    return Rigs(made(sensors, visible=rig.visible), made([dict(_BEHIND)], visible=True))
+
+
+def names_of(observation: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the names of observations that are asked for.
+
+    Raises:
+        UnknownNameError: an unknown one.
+        ConfigurationError: none at all.
+    """
+    names: list[str] = []
+    for name in [observation] if isinstance(observation, str) else observation:
+        if name not in (*OBSERVATIONS, "camera"):
+            raise UnknownNameError("observation", str(name), (*OBSERVATIONS, "camera"))
+        names += ["camera/photo", "camera/label"] if name == "camera" else [name]
+    if not names:
+        raise ConfigurationError(f"observation must name at least one of {', '.join(OBSERVATIONS)}")
+    return tuple(dict.fromkeys(names))
+
+
+def _box(limits: list[float]) -> spaces.Box:
+    high = np.array(limits, np.float32)
+    return spaces.Box(-high, high, dtype=np.float32)
+
+
+class Senses:
+    """What the robot of an environment observes: a ``space``, and values in it.
+
+    Args:
+        observation: names of ``OBSERVATIONS``; one of them is a Box, several are a Dict.
+        rigs: the sensors.
+        has_goal: whether ``state`` begins with a goal.
+    """
+
+    def __init__(self, observation: str | Iterable[str], rigs: Rigs, *, has_goal: bool) -> None:
+        self.names, self._rigs, self._has_goal = names_of(observation), rigs, has_goal
+        self._single = isinstance(observation, str) and len(self.names) == 1
+        self._scan_config, self._view_config = rigs.observing.sensors
+        self._heights: Grid | None = None
+        self._parts: dict[str, Callable[[], Any]] = {
+            "state": self._state,
+            "lidar": lambda: self._ranges(),
+            "lidar/class": lambda: self._spread(self.cloud.label),
+            "elevation": lambda: self._crop(self._made.heights)[0],
+            "elevation/seen": self._seen,
+            "camera/photo": lambda: self._image.photo,
+            "camera/label": lambda: self._label,
+            "privileged": self._privileged,
+        }
+        boxes = {name: self._space_of(name) for name in self.names}
+        self.space: spaces.Space[Any] = boxes[self.names[0]] if self._single else spaces.Dict(boxes)
+
+    def _space_of(self, name: str) -> spaces.Box:
+        wheels = len(self._rigs.observing.wheels.names)
+        state = [_FAR] * (2 * self._has_goal) + [_FAST, _FAST, _SPIN, np.pi, np.pi] + [_WHEEL] * wheels + [1.0]
+        shape = (int(self._scan_config.rings), int(self._scan_config.columns))  # type: ignore[attr-defined]
+        image = (int(self._view_config.height), int(self._view_config.width))  # type: ignore[attr-defined]
+        match name:
+            case "state":
+                return _box(state)
+            case "privileged":
+                own = [_FAR] * 3 + [1.0, 1.0, 1e4, 100.0] + wheels * [_LOAD] + wheels * [10.0] + wheels * [1.0]
+                return _box(state + own)
+            case "lidar":
+                far = float(self._scan_config.max_range)  # type: ignore[attr-defined]
+                return spaces.Box(0.0, far, shape, np.float32)
+            case "elevation":
+                return spaces.Box(-_MAP_LIMIT, _MAP_LIMIT, (_MAP, _MAP), np.float32)
+            case "elevation/seen":
+                return spaces.Box(-_MAP_LIMIT, _MAP_LIMIT, (2, _MAP, _MAP), np.float32)
+            case "camera/photo":
+                return spaces.Box(0, 255, (*image, 3), np.uint8)
+            case _:
+                return spaces.Box(0, 255, shape if name == "lidar/class" else image, np.uint8)
+
+    def begin(self, made: TaskWorld, robot: EpisodeRobot, task: Task) -> None:
+        """Begin an episode."""
+        self._made, self._robot, self._task, self._once = made, robot, task, {}
+        self._number = -1
+        world = made.sensed_by(self._rigs.observing)
+        if getattr(self, "_world", None) is not world:
+            self._world = world
+            self._scanner, self._viewer = (
+                sensor_class(config)(config, world) for config in (self._scan_config, self._view_config)
+            )
+        self._heights = made.unknown_heights() if "elevation/seen" in self.names else None
+
+    def read(self) -> Any:
+        """Return the observation after a step of control, in new arrays."""
+        self._once, self._number = {}, self._number + 1
+        values = {name: self._parts[name]() for name in self.names}
+        return values[self.names[0]] if self._single else values
+
+    @property
+    def _now(self) -> Now:
+        return self._robot.now
+
+    def _at(self) -> At:
+        stamp_ns = round(1e9 * self._robot.seconds)
+        return At(self._number, stamp_ns, stamp_ns, standing(self._now.world_from_base))
+
+    def _kept(self, name: str, make: Callable[[], Any]) -> Any:
+        """Return what is made once after a step of control."""
+        if name not in self._once:
+            self._once[name] = make()
+        return self._once[name]
+
+    def _output(self, config: SensorConfig) -> Any:
+        return config.outputs_on(self._rigs.observing.robot)[0]
+
+    @property
+    def cloud(self) -> readings.Cloud:
+        """The scan after the last step."""
+        cloud: readings.Cloud = self._kept(
+            "cloud", lambda: self._scanner.read(self._output(self._scan_config), self._at())
+        )
+        return cloud
+
+    @property
+    def world_from_scanner(self) -> Array:
+        """Pose (4, 4) of the scan."""
+        return self._now.world_from_base @ self._scan_config.mount.base_from_sensor  # type: ignore[attr-defined, no-any-return]
+
+    @property
+    def _image(self) -> readings.Image:
+        image: readings.Image = self._kept(
+            "image", lambda: self._viewer.read(self._output(self._view_config), self._at())
+        )
+        return image
+
+    @property
+    def _label(self) -> NDArray[np.uint8]:
+        if "camera/photo" in self.names:
+            assert self._image.label is not None
+            return self._image.label
+        return self._viewer.labels(self._output(self._view_config), self._at())
+
+    def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (n,) of the cloud's points as an image: upper rings first, from left to right, ahead in the middle."""
+        space, cloud = self._space_of("lidar"), self.cloud
+        assert cloud.ring is not None
+        assert cloud.column is not None
+        rings, columns = space.shape
+        image = np.zeros((rings, columns), values.dtype)
+        image[cloud.ring, (cloud.column.astype(np.intp) + columns // 2) % columns] = values
+        return image
+
+    def _ranges(self) -> Float32Array:
+        return self._spread(np.sqrt(np.einsum("ij,ij->i", self.cloud.xyz, self.cloud.xyz)))
+
+    def _crop(self, grid: Grid) -> tuple[Float32Array, NDArray[np.bool_]]:
+        height, known = np.empty((_MAP, _MAP), np.float32), np.empty((_MAP, _MAP), np.bool_)
+        now, clearance = self._now, self._rigs.observing.robot.ground_clearance
+        pose = np.array([*now.xy, now.heading, now.world_from_base[2, 3] - clearance])
+        crop_heights(grid, pose, CELL, _MAP_LIMIT, height, known)
+        return height, known
+
+    def _seen(self) -> Float32Array:
+        assert self._heights is not None
+        top = float(self._now.world_from_base[2, 3]) + obstacle_height(self._rigs.observing)
+        raise_to_points(self._heights, self.world_from_scanner, self.cloud.xyz, top)
+        return np.stack(self._crop(self._heights)).astype(np.float32)
+
+    def _state(self) -> Float32Array:
+        now, goal = self._now, self._task.goal
+        values = [*now.velocity[:2], now.turn_rate, now.roll, now.pitch, *now.wheel_speeds, now.slip]
+        if self._has_goal and goal is not None:
+            values = [*self._in_robot(goal), *values]
+        return self._clipped("state", values)
+
+    def _in_robot(self, point: Array) -> tuple[float, float]:
+        """Return how far [m] ahead and to the left of the robot a point (2,) is, horizontally."""
+        (x, y), (cos, sin) = point - self._now.xy, (np.cos(self._now.heading), np.sin(self._now.heading))
+        return float(cos * x + sin * y), float(cos * y - sin * x)
+
+    def _privileged(self) -> Float32Array:
+        now, task, wheels = self._now, self._task, self._robot.physics.surroundings.contacts.wheels
+        ahead = task.ahead(now.xy)
+        along = np.zeros(2) if ahead is None else np.array(self._in_robot(ahead))
+        along = along / max(float(np.linalg.norm(along)), 1e-9)
+        left, clearance = task.left(now.xy), self._made.ground.clearance_at(now.xy)[0]
+        own = [*now.world_from_base[:3, 3], *along, left if np.isfinite(left) else 1e4, max(clearance, -100.0)]
+        return self._clipped(
+            "privileged", [*self._state(), *own, *wheels.load, *wheels.friction[:, 0], *wheels.sinkage]
+        )
+
+    def _clipped(self, name: str, values: list[Any]) -> Float32Array:
+        box = self._space_of(name)
+        return np.clip(np.nan_to_num(np.array(values, np.float32)), box.low, box.high)
+
+    def rendered(self) -> NDArray[np.uint8]:
+        """Return the photograph (270, 480, 3) of the camera behind the robot."""
+        rig = self._rigs.rendering
+        world = self._made.sensed_by(rig)
+        viewer: Sensor = world.once("renders", lambda: sensor_class(rig.sensors[0])(rig.sensors[0], world))
+        photo: NDArray[np.uint8] = viewer.read(self._output(rig.sensors[0]), self._at()).photo
+        return photo
