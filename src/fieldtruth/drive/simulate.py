@@ -305,6 +305,14 @@ class SimulatedRobot:
         return qpos[:3].copy(), qpos[3:7].copy()
 
     @property
+    def world_from_base(self) -> Array:
+        """Pose (4, 4) of base_link in the world."""
+        qpos, pose, rotation = self.surroundings.data.qpos, np.eye(4), np.empty(9)
+        mujoco.mju_quat2Mat(rotation, qpos[3:7])
+        pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), qpos[:3]
+        return pose
+
+    @property
     def velocity(self) -> tuple[Array, Array]:
         """Velocity (3,) [m/s] of base_link's origin in the world, and turn rate (3,) [rad/s] in base_link."""
         qvel = self.surroundings.data.qvel

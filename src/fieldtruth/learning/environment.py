@@ -42,7 +42,7 @@ _OPTIONS: Final = ("difficulty", "start", "goal", "heading", "world")
 _PHYSICS_MS: Final = (1, 2, 4, 5)
 
 
-class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+class FieldEnv(gymnasium.Env[Any, Any]):
     """A robot with a task in one of our worlds; docs/learning.md says what its observations and rewards are.
 
     Args:
@@ -53,7 +53,8 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         episodes_per_world: after which another of several worlds is drawn.
         difficulty: from 0 to 1, or the lowest and highest, between which each episode draws.
         observation: names of ``OBSERVATIONS``; one name makes a Box, several a Dict.
-        action: the robot's speed [m/s] and turn rate [rad/s], or speeds [rad/s] of the wheels on the left and right.
+        action: meaning of the two numbers, from -1 to 1: shares of the robot's greatest speed and turn rate, or of the
+            greatest speed of the wheels on the left and on the right.
         reward: weights that replace some of ``WEIGHTS``.
         robot: a name from ``fieldtruth list robots``, or the robot of a rig as in an experiment.
         sensors: values that replace some of the sensors ``lidar`` and ``camera``.
@@ -100,7 +101,9 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         rig = self._experiment.rig
         self._senses = Senses(observation, rigs_of(rig, sensors or {}), has_goal=self.has_goal)
         self.observation_space = self._senses.space
-        self.action_space = _action_space(action, self._experiment)
+        if action not in ("speed", "wheels"):
+            raise UnknownNameError("action", str(action), ("speed", "wheels"))
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self._by_wheels = action == "wheels"
         self._step_ns, self._steps = _steps_of(control_hz, physics_ms)
         if time_limit is not None and not 0 < time_limit < float("inf"):
@@ -113,6 +116,7 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
         self._seed, self._episodes = self._seeds[0], 0
         self._task: Task | None = None
+        self._left = 0.0
 
     @abstractmethod
     def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
@@ -230,8 +234,7 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         Raises:
             ConfigurationError: another number of values, or one that is not finite.
         """
-        task, command = self._current, self._command(action)
-        happened = self._robot.drive(command)
+        happened = self._robot.drive(self._command(action))
         progress, before = self._progress(), self._straight
         self._straight = self._to_goal()
         reached = self._reached()
@@ -245,7 +248,6 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         info: dict[str, Any] = {"reward": terms, "cause": cause or (TIME if truncated else "")}
         if cause or truncated:
             info["metrics"] = self._metrics.result(seconds, success=cause == REACHED)
-        del task
         return self._senses.read(), reward, bool(cause), truncated, info
 
     def _step_of(self, happened: Happened, progress: float, straight: float, cause: str) -> Step:
@@ -262,24 +264,22 @@ class FieldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     def _command(self, action: ArrayLike) -> Command:
         """Return the command of an action, and note its change as a share of its range."""
-        space = self.action_space
-        assert isinstance(space, spaces.Box)
-        values = np.asarray(action, np.float64)
-        if values.shape != (2,) or not np.isfinite(values).all():
+        shares = np.asarray(action, np.float64)
+        if shares.shape != (2,) or not np.isfinite(shares).all():
             raise ConfigurationError(f"action must be two finite numbers, got {action!r:.60}")
-        values = np.clip(values, space.low, space.high)
-        shares = values / space.high
+        shares = np.clip(shares, -1.0, 1.0)
         self._change, self._action = (shares - self._action) / 2.0, shares
+        robot, (first, second) = self._experiment.rig.robot, shares.tolist()
         if not self._by_wheels:
-            return Command(float(values[0]), float(values[1]))
-        wheels, (left, right) = self._experiment.rig.wheels, (values * self._experiment.rig.wheels.radius).tolist()
-        return Command((left + right) / 2, (right - left) / (2 * wheels.half_track * skid_compensation(wheels)))
+            return Command(first * robot.max_speed, second * robot.max_turn_rate)
+        turning = (second - first) / (2 * robot.wheels.half_track * skid_compensation(robot.wheels))
+        return Command((first + second) / 2 * robot.max_speed, turning * robot.max_speed)
 
     def _to_goal(self) -> float:
         goal = self._current.goal
         return 0.0 if goal is None else float(np.linalg.norm(goal - self._robot.now.xy))
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return the photograph (270, 480, 3) from behind the robot; the first one bakes the world's light."""
         return self._senses.rendered() if self.render_mode and self._current else None
 
@@ -298,6 +298,9 @@ class Reach(FieldEnv):
 
 class Follow(FieldEnv):
     """Follow a trail that only the sensors show, to a point 10 to 60 m along it."""
+
+    def _reached(self) -> bool:
+        return self._left < 2.0 * ARRIVAL  # a trail is metres wide
 
     def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
         return tasks.follow_task(made, difficulty, self.np_random)
@@ -397,13 +400,3 @@ def _steps_of(control_hz: float, physics_ms: int) -> tuple[int, int]:
             f"control_hz must make whole steps of the physics of {physics_ms} ms, got {control_hz!r}"
         )
     return physics_ms * STEP_NS, round(steps)
-
-
-def _action_space(action: str, experiment: Experiment) -> spaces.Box:
-    robot = experiment.rig.robot
-    if action not in ("speed", "wheels"):
-        raise UnknownNameError("action", str(action), ("speed", "wheels"))
-    turning = robot.max_speed / robot.wheels.radius
-    most = (robot.max_speed, robot.max_turn_rate) if action == "speed" else (turning, turning)
-    high = np.array(most, np.float32)
-    return spaces.Box(-high, high, dtype=np.float32)

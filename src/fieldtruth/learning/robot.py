@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.transforms import pose_from_quaternion_wxyz
 from fieldtruth.drive.controller import IN_WATER, OUTSIDE, TIPPED, Hazards
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.simulate import SimulatedRobot
@@ -106,6 +105,7 @@ class EpisodeRobot:
 
     def put_down(self, xy: Array, heading: float) -> str:
         """Let the robot come to rest at a point (2,) [m]; return why it cannot drive from there, empty if it can."""
+        self._watch.begin()
         self.physics.spawn(xy, xy + np.array([math.cos(heading), math.sin(heading)]))
         cause = self._watch.cause
         self._watch.begin()
@@ -134,10 +134,8 @@ class EpisodeRobot:
         return Happened(work, watch.hit, watch.touches - touches, watch.cause)
 
     def _read(self) -> Now:
-        position, quaternion = self.physics.pose
+        pose, wheels = self.physics.world_from_base, self.physics.wheel_speeds
         velocity, turn_rate = self.physics.velocity
-        pose = pose_from_quaternion_wxyz(position, quaternion)
-        wheels = self.physics.wheel_speeds
         own = pose[:3, :3].T @ velocity
         tread = float(wheels.mean()) * self._rig.wheels.radius
         slip = 1.0 - float(own[0]) / tread if abs(tread) > _CREEP else 0.0

@@ -45,7 +45,7 @@ _FAST: Final = 20.0  # [m/s]
 _SPIN: Final = 20.0  # [rad/s]
 _WHEEL: Final = 200.0  # [rad/s]
 _LOAD: Final = 1e5  # [N]
-_SCAN: Final = {"kind": "lidar", "name": "lidar", "columns": 180, "rings": 16, "spinning": False}
+_SCAN: Final = {"kind": "lidar", "name": "lidar", "columns": 180, "rings": 16, "spinning": False, "max_range": 30.0}
 _VIEW: Final = {"kind": "camera", "name": "camera", "width": 96, "height": 54}
 _BEHIND: Final = {
     **{"kind": "camera", "name": "behind", "width": 480, "height": 270},
@@ -125,7 +125,7 @@ class Senses:
         self._heights: Grid | None = None
         self._parts: dict[str, Callable[[], Any]] = {
             "state": self._state,
-            "lidar": lambda: self._ranges(),
+            "lidar": self._ranges,
             "lidar/class": lambda: self._spread(self.cloud.label),
             "elevation": lambda: self._crop(self._made.heights)[0],
             "elevation/seen": self._seen,
@@ -133,7 +133,8 @@ class Senses:
             "camera/label": lambda: self._label,
             "privileged": self._privileged,
         }
-        boxes = {name: self._space_of(name) for name in self.names}
+        self._boxes = {name: self._space_of(name) for name in OBSERVATIONS}
+        boxes: dict[str, spaces.Space[Any]] = {name: self._boxes[name] for name in self.names}
         self.space: spaces.Space[Any] = boxes[self.names[0]] if self._single else spaces.Dict(boxes)
 
     def _space_of(self, name: str) -> spaces.Box:
@@ -161,7 +162,8 @@ class Senses:
 
     def begin(self, made: TaskWorld, robot: EpisodeRobot, task: Task) -> None:
         """Begin an episode."""
-        self._made, self._robot, self._task, self._once = made, robot, task, {}
+        self._made, self._robot, self._task = made, robot, task
+        self._once: dict[str, Any] = {}
         self._number = -1
         world = made.sensed_by(self._rigs.observing)
         if getattr(self, "_world", None) is not world:
@@ -223,7 +225,7 @@ class Senses:
 
     def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values (n,) of the cloud's points as an image: upper rings first, from left to right, ahead in the middle."""
-        space, cloud = self._space_of("lidar"), self.cloud
+        space, cloud = self._boxes["lidar"], self.cloud
         assert cloud.ring is not None
         assert cloud.column is not None
         rings, columns = space.shape
@@ -271,7 +273,7 @@ class Senses:
         )
 
     def _clipped(self, name: str, values: list[Any]) -> Float32Array:
-        box = self._space_of(name)
+        box = self._boxes[name]
         return np.clip(np.nan_to_num(np.array(values, np.float32)), box.low, box.high)
 
     def rendered(self) -> NDArray[np.uint8]:

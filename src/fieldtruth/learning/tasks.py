@@ -11,7 +11,7 @@ world, 1 the hardest. In the way are obstacles near the straight line, slope and
 planner's path is, and how narrow: ``hazard`` is the mean of the five, each from 0 to 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -112,7 +112,7 @@ def follow_task(made: TaskWorld, difficulty: float, rng: np.random.Generator) ->
 
 def changed(task: Task, **values: object) -> Task:
     """Return a task with other values."""
-    return Task(**(vars(task) | values))  # type: ignore[arg-type]
+    return replace(task, **values)  # type: ignore[arg-type]
 
 
 def explore_task(made: TaskWorld, difficulty: float, rng: np.random.Generator) -> Task:
@@ -146,12 +146,15 @@ def _chosen(
     Raises:
         RouteError: ``problem``: no two of them are far enough from each other.
     """
-    for _ in range(_TRIES if len(allowed) > 1 else 0):
+    usual = NEAREST + (FARTHEST - NEAREST) * difficulty
+    for rest in reversed(range(_TRIES if len(allowed) > 1 else 0)):
         goal = int(rng.choice(allowed))
-        lengths, following = part.paths_to(goal)
         straight = np.linalg.norm(part.nodes - part.nodes[goal], axis=1)
+        if rest and straight[allowed].max() < usual:
+            continue
+        lengths, following = part.paths_to(goal)
         distance = np.where(np.isfinite(lengths), lengths if along else straight, 0.0)[allowed]
-        wanted = min(NEAREST + (FARTHEST - NEAREST) * difficulty, float(distance.max()) / (1 + BAND))
+        wanted = min(usual, float(distance.max()) / (1 + BAND))
         starts = allowed[np.abs(distance - wanted) <= BAND * wanted]
         if wanted < 0.5 * NEAREST or not len(starts):
             continue

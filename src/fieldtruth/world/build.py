@@ -41,7 +41,6 @@ _STORED: Final = {
 _ALIGNED: Final = 64  # [byte] multiples at which arrays start in a stored world
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 _EXTRAS: Final = {
-    "rl": ("gymnasium",),
     "maps": ("laspy", "osmium", "pyogrio", "pyproj", "rasterio", "shapely"),
     "objects": ("trimesh",),
     "usd": ("pxr",),
