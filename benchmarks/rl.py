@@ -129,7 +129,8 @@ def physics(environment: str = "park") -> None:
         tilt = np.degrees(np.hypot(*(found - true)[..., 5:7].transpose(2, 0, 1)))
         print(f"{environment}, {physics_ms} ms: {1e3 * used:.2f} ms of the processor per step; path off by "
               f"{100 * np.nanmedian(off):.1f} cm (most {100 * np.nanmax(off):.1f}); tilt {np.nanmean(tilt):.3f} deg "
-              f"(99 %: {np.nanquantile(tilt, 0.99):.2f}); slip {np.nanmedian(np.abs(found - true)[..., 11]):.4f}")  # fmt: skip
+              f"(99 %: {np.nanquantile(tilt, 0.99):.2f}); "
+              f"slip {np.nanmedian(np.abs(found - true)[..., 11]):.4f}")  # fmt: skip
 
 
 def success(episodes: int = 20, environment: str = "park") -> None:

@@ -94,7 +94,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
     ) -> None:
         self._given, self._per_world = world, _whole("episodes_per_world", episodes_per_world)
-        self._seeds = (0,) if world is not None else _seeds_of(worlds, split)
+        self.seeds = (0,) if world is not None else _seeds_of(worlds, split)
         self._experiment = _experiment(environment, robot, light, season, layout, known=world is not None)
         self._difficulty = _range_of(difficulty)
         self._weights = weights_of(reward)
@@ -114,7 +114,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
-        self._seed, self._episodes = self._seeds[0], 0
+        self._seed, self._episodes = self.seeds[0], 0
         self._task: Task | None = None
         self._left = 0.0
 
@@ -172,7 +172,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         if seed is not None:
             self._episodes = 0
         if self._episodes % self._per_world == 0:
-            self._seed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
+            self._seed = self.seeds[int(self.np_random.integers(len(self.seeds)))]
         self._episodes += 1
         made = self._enter(int(chosen.get("world", self._seed)))
         low, high = self._difficulty if "difficulty" not in chosen else _range_of(chosen["difficulty"])
