@@ -15,7 +15,7 @@ from drive_worlds import make_world, obstacle
 from gymnasium.utils.env_checker import check_env
 
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, RouteError, UnknownNameError
-from fieldtruth.learning import OBSERVATIONS
+from fieldtruth.learning.config import OBSERVATIONS
 from fieldtruth.world.model import Raster, World
 
 SIZE: Final = (40.0, 40.0)
@@ -242,16 +242,16 @@ def test_range_image_has_what_is_ahead_in_its_middle(blocks: World) -> None:
     ("values", "text"),
     [
         ({"observation": "radar"}, "unknown observation 'radar'; did you mean 'lidar'? Available: state, lidar"),
-        ({"observation": ()}, "observation must name at least one of state"),
-        ({"difficulty": 1.5}, "difficulty must be from 0 to 1"),
-        ({"action": "legs"}, "unknown action 'legs'"),
-        ({"reward": {"joy": 1.0}}, "unknown term of the reward 'joy'"),
-        ({"physics_ms": 3}, "physics_ms must be one of 1, 2, 4, 5, got 3"),
+        ({"observation": ()}, "observation must be one or several of state"),
+        ({"difficulty": 1.5}, "difficulty must be a number from 0 to 1"),
+        ({"action": "legs"}, "action must be speed or wheels"),
+        ({"reward": {"joy": 1.0}}, "unknown key 'reward.joy'"),
+        ({"physics_ms": 3}, "physics_ms must be 1, 2, 4 or 5, got 3"),
         ({"control_hz": 7.0}, "control_hz must make whole steps"),
         ({"render_mode": "ansi"}, "unknown render_mode 'ansi'"),
-        ({"sensors": {"sonar": {}}}, "unknown sensor of observations 'sonar'"),
-        ({"split": "val"}, "unknown split 'val'"),
-        ({"worlds": []}, "worlds must be a number of worlds, or their seeds"),
+        ({"sensors": {"sonar": {}}}, "unknown key 'sensors.sonar'"),
+        ({"split": "val"}, "split must be train or test"),
+        ({"worlds": []}, "worlds must be a number of worlds from 1 to 1000, or a list of their seeds, got"),
     ],
 )
 def test_bad_values_are_one_line(values: dict[str, Any], text: str, plane: World) -> None:

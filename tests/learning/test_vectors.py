@@ -40,11 +40,11 @@ def test_worlds_of_training_and_test_are_apart() -> None:
     def seeds(**values: Any) -> set[int]:
         env = gymnasium.make("fieldtruth/Reach-v0", **values).unwrapped
         assert isinstance(env, FieldEnv)
-        return {*env.seeds}
+        return {*env.config.seeds}
 
     assert seeds(worlds=3) == {0, 1, 2}
     assert seeds(worlds=3, split="test") == {1000, 1001, 1002}
-    assert not seeds(worlds=2000) & seeds(worlds=2000, split="test")
+    assert not seeds(worlds=1000) & seeds(worlds=1000, split="test")
     assert seeds(worlds=[5, 7]) == {5, 7}
 
 

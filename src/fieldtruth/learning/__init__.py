@@ -14,10 +14,8 @@ except ModuleNotFoundError as error:
     text = "the library gymnasium is not installed; run: pip install 'fieldtruth[rl]'"
     raise ConfigurationError(text) from error
 
-from fieldtruth.learning.environment import TEST_WORLDS as TEST_WORLDS
+from fieldtruth.learning.config import LearningConfig as LearningConfig
 from fieldtruth.learning.environment import Explore, Follow, Reach
-from fieldtruth.learning.rewards import WEIGHTS as WEIGHTS
-from fieldtruth.learning.senses import OBSERVATIONS as OBSERVATIONS
 
 for _task in (Reach, Follow, Explore):
     gymnasium.register(id=f"fieldtruth/{_task.__name__}-v0", entry_point=f"{_task.__module__}:{_task.__name__}")

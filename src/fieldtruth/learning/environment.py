@@ -4,8 +4,8 @@
 
 import json
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, ClassVar, Final, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Final
 
 import gymnasium
 import numpy as np
@@ -17,11 +17,10 @@ from fieldtruth.core.errors import ConfigurationError, RouteError, UnknownNameEr
 from fieldtruth.drive.physics import Command, skid_compensation
 from fieldtruth.drive.routes import NODE
 from fieldtruth.drive.track import STEP_NS
-from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import validated
 from fieldtruth.kernels.height_maps import mark_seen
 from fieldtruth.learning import tasks
-from fieldtruth.learning.rewards import EpisodeMetrics, Step, reward_terms, weights_of
+from fieldtruth.learning.config import LearningConfig
+from fieldtruth.learning.rewards import EpisodeMetrics, Step, reward_terms
 from fieldtruth.learning.robot import EpisodeRobot, Happened
 from fieldtruth.learning.senses import Senses, rigs_of
 from fieldtruth.learning.task_world import TaskWorld, kept
@@ -29,8 +28,6 @@ from fieldtruth.learning.tasks import Task
 from fieldtruth.world.build import check_experiment, load_world
 from fieldtruth.world.model import World
 
-TEST_WORLDS: Final = 1000
-"""Seed from which on worlds are for tests; those below are for training."""
 REACHED: Final = "reached"
 TIME: Final = "time"
 OFF_TRAIL: Final = "off the trail"
@@ -39,7 +36,6 @@ ARRIVAL: Final = 1.0
 _OFF: Final = 3.0  # [m] from the trail's edge
 _SEEN: Final = 0.8  # share of the free ground that Explore asks for
 _OPTIONS: Final = ("difficulty", "start", "goal", "heading", "world")
-_PHYSICS_MS: Final = (1, 2, 4, 5)
 
 
 class FieldEnv(gymnasium.Env[Any, Any]):
@@ -47,22 +43,9 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     Args:
         environment: a name from ``list_environments``, or an environment's file.
-        worlds: the seeds of the worlds, or how many, counted from 0, or of the split test from ``TEST_WORLDS``.
-        split: of worlds that are counted.
-        world: a world that replaces them.
-        episodes_per_world: after which another of several worlds is drawn.
-        difficulty: from 0 to 1, or the lowest and highest, between which each episode draws.
-        observation: names of ``OBSERVATIONS``; one name makes a Box, several a Dict.
-        action: meaning of the two numbers, from -1 to 1: shares of the robot's greatest speed and turn rate, or of the
-            greatest speed of the wheels on the left and on the right.
-        reward: weights that replace some of ``WEIGHTS``.
-        robot: a name from ``fieldtruth list robots``, or the robot of a rig as in an experiment.
-        sensors: values that replace some of the sensors ``lidar`` and ``camera``.
-        light, season, layout: as in an experiment; of photographs, and of worlds that are built.
-        control_hz: steps per second.
-        physics_ms: step of the physics [ms].
-        time_limit: [s] after which an episode is truncated; None for 20 s and four times the path at full speed.
+        world: a world that replaces those of the environment.
         render_mode: ``rgb_array``, a photograph from behind the robot, or None.
+        arguments: those of ``LearningConfig``.
 
     Raises:
         ConfigurationError, UnknownNameError: a value that is not allowed.
@@ -75,46 +58,24 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self,
         environment: str = "park",
         *,
-        worlds: int | Sequence[int] = 1,
-        split: Literal["train", "test"] = "train",
         world: World | None = None,
-        episodes_per_world: int = 20,
-        difficulty: float | tuple[float, float] = (0.0, 1.0),
-        observation: str | Iterable[str] = "state",
-        action: Literal["speed", "wheels"] = "speed",
-        reward: Mapping[str, float] | None = None,
-        robot: str | Mapping[str, Any] | None = None,
-        sensors: Mapping[str, Mapping[str, Any]] | None = None,
-        light: str | Mapping[str, Any] | None = None,
-        season: str | None = None,
-        layout: Mapping[str, Any] | None = None,
-        control_hz: float = 10.0,
-        physics_ms: int = 5,
-        time_limit: float | None = None,
         render_mode: str | None = None,
+        **arguments: Any,
     ) -> None:
-        self._given, self._per_world = world, _whole("episodes_per_world", episodes_per_world)
-        self.seeds = (0,) if world is not None else _seeds_of(worlds, split)
-        self._experiment = _experiment(environment, robot, light, season, layout, known=world is not None)
-        self._difficulty = _range_of(difficulty)
-        self._weights = weights_of(reward)
-        rig = self._experiment.rig
-        self._senses = Senses(observation, rigs_of(rig, sensors or {}), has_goal=self.has_goal)
+        self.config = LearningConfig.of({"environment": environment, **arguments})
+        self._given, self._experiment = world, self.config.experiment()
+        if world is None:
+            check_experiment(self._experiment)
+        self._senses = Senses(self.config, rigs_of(self._experiment.rig, self.config.sensors), has_goal=self.has_goal)
         self.observation_space = self._senses.space
-        if action not in ("speed", "wheels"):
-            raise UnknownNameError("action", str(action), ("speed", "wheels"))
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self._by_wheels = action == "wheels"
-        self._step_ns, self._steps = _steps_of(control_hz, physics_ms)
-        if time_limit is not None and not 0 < time_limit < float("inf"):
-            raise ConfigurationError(f"time_limit must be above 0 s, or None, got {time_limit!r}")
-        self._time_limit = time_limit
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", str(render_mode), self.metadata["render_modes"])
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": control_hz}
+        self.metadata = {**self.metadata, "render_fps": self.config.control_hz}
+        self._seeds = (0,) if world is not None else self.config.seeds
+        self._seed, self._episodes = self._seeds[0], 0
         self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
-        self._seed, self._episodes = self.seeds[0], 0
         self._task: Task | None = None
         self._left = 0.0
 
@@ -171,12 +132,12 @@ class FieldEnv(gymnasium.Env[Any, Any]):
                 raise UnknownNameError("option", name, _OPTIONS)
         if seed is not None:
             self._episodes = 0
-        if self._episodes % self._per_world == 0:
-            self._seed = self.seeds[int(self.np_random.integers(len(self.seeds)))]
+        if self._episodes % self.config.episodes_per_world == 0:
+            self._seed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
         self._episodes += 1
         made = self._enter(int(chosen.get("world", self._seed)))
-        low, high = self._difficulty if "difficulty" not in chosen else _range_of(chosen["difficulty"])
-        difficulty = float(self.np_random.uniform(low, high))
+        given = self.config if "difficulty" not in chosen else LearningConfig.of({"difficulty": chosen["difficulty"]})
+        difficulty = float(self.np_random.uniform(*given.range))
         self._task = self._with_given(made, self._new_task(made, difficulty), chosen)
         self._begin(made, self._task)
         return self._senses.read(), {
@@ -206,7 +167,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self._straight = self._to_goal()
         robot = self._experiment.rig.robot
         usual = 20.0 + 4.0 * (task.shortest or 60.0) / robot.max_speed
-        self._limit = usual if self._time_limit is None else self._time_limit
+        self._limit = self.config.time_limit or usual
         self._metrics = EpisodeMetrics(self._robot.now.xy, task.shortest)
 
     def _enter(self, seed: int) -> TaskWorld:
@@ -222,7 +183,10 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         made = kept(key, make)
         if self._robots is None or self._robots[0] is not made:
             self._robots = None  # one in memory
-            self._robots = made, EpisodeRobot(made.world, experiment.rig, self._step_ns, self._steps)
+            self._robots = (
+                made,
+                EpisodeRobot(made.world, experiment.rig, self.config.physics_ms * STEP_NS, self.config.steps),
+            )
         return made
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -240,7 +204,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         reached = self._reached()
         cause = happened.cause or (REACHED if reached else self._own_cause())
         done = self._step_of(happened, progress, before - self._straight, cause)
-        terms = reward_terms(done, self._weights)
+        terms = reward_terms(done, self.config.reward)
         reward = float(sum(terms.values()))
         self._metrics.add(done, reward)
         seconds = self._robot.seconds
@@ -252,7 +216,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     def _step_of(self, happened: Happened, progress: float, straight: float, cause: str) -> Step:
         return Step(
-            seconds=self._steps * self._step_ns / 1e9,
+            seconds=self.config.steps * self.config.physics_ms / 1e3,
             progress=progress,
             straight=straight,
             change=self._change,
@@ -270,7 +234,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         shares = np.clip(shares, -1.0, 1.0)
         self._change, self._action = (shares - self._action) / 2.0, shares
         robot, (first, second) = self._experiment.rig.robot, shares.tolist()
-        if not self._by_wheels:
+        if self.config.action == "speed":
             return Command(first * robot.max_speed, second * robot.max_turn_rate)
         turning = (second - first) / (2 * robot.wheels.half_track * skid_compensation(robot.wheels))
         return Command((first + second) / 2 * robot.max_speed, turning * robot.max_speed)
@@ -334,69 +298,8 @@ class Explore(FieldEnv):
         return self._rest <= (1.0 - _SEEN) * self._count
 
 
-def _experiment(
-    environment: str,
-    robot: str | Mapping[str, Any] | None,
-    light: str | Mapping[str, Any] | None,
-    season: str | None,
-    layout: Mapping[str, Any] | None,
-    *,
-    known: bool,
-) -> Experiment:
-    """Return an experiment with what an environment is given; ``known``: its world exists already."""
-    values: dict[str, Any] = {"name": "learning", "environment": environment}
-    values["route"] = {"random": {"length_m": 20, "seed": 0}}
-    values["layout"] = {**(layout or {}), **({} if season is None else {"season": season})}
-    values |= {} if robot is None else {"rig": {"robot": robot}}
-    values |= {} if light is None else {"light": light}
-    made = validated(values, "")
-    if not known:
-        check_experiment(made)
-    return made
-
-
-def _seeds_of(worlds: int | Sequence[int], split: str) -> tuple[int, ...]:
-    if split not in ("train", "test"):
-        raise UnknownNameError("split", str(split), ("train", "test"))
-    if isinstance(worlds, int):
-        first = TEST_WORLDS if split == "test" else 0
-        worlds = range(first, first + min(_whole("worlds", worlds), TEST_WORLDS))
-    seeds = tuple(int(seed) for seed in worlds)
-    if not seeds or min(seeds) < 0:
-        raise ConfigurationError(f"worlds must be a number of worlds, or their seeds, from 0 on; got {worlds!r:.60}")
-    return seeds
-
-
-def _whole(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ConfigurationError(f"{name} must be a whole number from 1 on, got {value!r}")
-    return value
-
-
-def _range_of(difficulty: Any) -> tuple[float, float]:
-    pair = difficulty if isinstance(difficulty, tuple | list) else (difficulty, difficulty)
-    numbers = len(pair) == 2 and all(isinstance(each, int | float | np.number) for each in pair)
-    if not numbers or not 0.0 <= pair[0] <= pair[1] <= 1.0:
-        raise ConfigurationError(f"difficulty must be from 0 to 1, or (lowest, highest), got {difficulty!r:.60}")
-    return float(pair[0]), float(pair[1])
-
-
 def _point(name: str, chosen: Mapping[str, Any], usual: Array) -> Array:
     point = np.asarray(chosen.get(name, usual), np.float64)
     if point.shape != (2,) or not np.isfinite(point).all():
         raise ConfigurationError(f"{name} must be x, y [m], got {chosen[name]!r:.60}")
     return point
-
-
-def _steps_of(control_hz: float, physics_ms: int) -> tuple[int, int]:
-    """Return the step of the physics [ns], and how many of them are a step of control."""
-    if physics_ms not in _PHYSICS_MS:
-        raise ConfigurationError(f"physics_ms must be one of {', '.join(map(str, _PHYSICS_MS))}, got {physics_ms!r}")
-    if not 1.0 <= control_hz <= 200.0:
-        raise ConfigurationError(f"control_hz must be from 1 to 200, got {control_hz!r}")
-    steps = 1000.0 / control_hz / physics_ms
-    if abs(steps - round(steps)) > 1e-9:
-        raise ConfigurationError(
-            f"control_hz must make whole steps of the physics of {physics_ms} ms, got {control_hz!r}"
-        )
-    return physics_ms * STEP_NS, round(steps)

@@ -2,42 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reward of a step and the metrics of an episode: docs/learning.md has the formulas."""
 
-from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.fields import Frozen, Number
 from fieldtruth.learning.robot import Happened, Now
 
-WEIGHTS: Final[Mapping[str, float]] = {
-    "progress": 1.0,  # per metre of the planner's path that is left; Explore: per square metre that is seen first
-    "straight": 0.0,  # per metre of the straight line to the goal that is left
-    "time": -0.1,  # per second
-    "hit": -0.2,  # per joule of the hardest hit in the step
-    "tilt": -0.02,  # per degree above LEVEL_DEG and second
-    "change": -0.05,  # per squared change of the action, each part as a share of its range
-    "reached": 10.0,  # once
-    "failed": -10.0,  # once, if the episode ends otherwise than by the goal or by the time
-}
+
+class Weights(Frozen):
+    """Weights of the reward's terms."""
+
+    progress: Number = 1.0  # per metre of the planner's path that is left; Explore: per square metre that is seen first
+    straight: Number = 0.0  # per metre of the straight line to the goal that is left
+    time: Number = -0.1  # per second
+    hit: Number = -0.2  # per joule of the hardest hit in the step
+    tilt: Number = -0.02  # per degree above LEVEL_DEG and second
+    change: Number = -0.05  # per squared change of the action, each part as a share of its range
+    reached: Number = 10.0  # once
+    failed: Number = -10.0  # once, if the episode ends otherwise than by the goal or by the time
+
+
 LEVEL_DEG: Final = 15.0
 """Tilt [deg] without a cost."""
-
-
-def weights_of(given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the weights of all terms, ``given`` ones in place of the usual.
-
-    Raises:
-        UnknownNameError: an unknown term.
-        ConfigurationError: no number.
-    """
-    for name, value in (given or {}).items():
-        if name not in WEIGHTS:
-            raise UnknownNameError("term of the reward", name, WEIGHTS)
-        if not (isinstance(value, int | float) and np.isfinite(value)):
-            raise ConfigurationError(f"reward: {name} must be a finite number, got {value!r}")
-    return {**WEIGHTS, **(given or {})}
 
 
 class Step(NamedTuple):
@@ -53,7 +41,7 @@ class Step(NamedTuple):
     failed: bool
 
 
-def reward_terms(step: Step, weights: Mapping[str, float]) -> dict[str, float]:
+def reward_terms(step: Step, weights: Weights) -> dict[str, float]:
     """Return the terms of the reward, which is their sum."""
     values = {
         "progress": step.progress,
@@ -65,7 +53,7 @@ def reward_terms(step: Step, weights: Mapping[str, float]) -> dict[str, float]:
         "reached": float(step.reached),
         "failed": float(step.failed),
     }
-    return {name: weights[name] * value for name, value in values.items()}
+    return {name: getattr(weights, name) * value for name, value in values.items()}
 
 
 class EpisodeMetrics:

@@ -5,7 +5,7 @@
 The sensors are those of rigs: a LiDAR of few rays, a small camera, and one behind the robot that renders.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,30 +14,18 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import readings
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.traversability import CELL, obstacle_height
-from fieldtruth.experiment.files import validated
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.kernels.height_maps import crop_heights, raise_to_points
 from fieldtruth.kernels.packets import Grid
+from fieldtruth.learning.config import OBSERVATIONS, LearningConfig, SensorValues, experiment_of
 from fieldtruth.learning.robot import EpisodeRobot, Now
 from fieldtruth.learning.task_world import TaskWorld
 from fieldtruth.learning.tasks import Task
 from fieldtruth.sensors.kind import At, Sensor, standing
 from fieldtruth.sensors.known import sensor_class
 
-OBSERVATIONS: Final = (
-    "state",
-    "lidar",
-    "lidar/class",
-    "elevation",
-    "elevation/seen",
-    "camera/photo",
-    "camera/label",
-    "privileged",
-)
-"""Names; ``camera`` alone means both of its images."""
 _MAP: Final = 64  # cells along each side of an elevation map
 _MAP_LIMIT: Final = 2.0  # [m]
 _FAR: Final = 1000.0  # [m] to a goal
@@ -60,48 +48,29 @@ class Rigs(NamedTuple):
     rendering: Rig
 
 
-def rigs_of(rig: Rig, changed: Mapping[str, Mapping[str, Any]]) -> Rigs:
-    """Return the rigs of a robot; ``changed`` are values of the sensors ``lidar`` and ``camera``.
+def rigs_of(rig: Rig, changed: SensorValues) -> Rigs:
+    """Return the rigs of a robot; ``changed`` are values of the small sensors.
 
     They are where the rig has its own, or above the middle of the robot.
 
     Raises:
-        UnknownNameError: another sensor.
         ConfigurationError: a value that is not allowed.
     """
-    for name in changed:
-        if name not in ("lidar", "camera"):
-            raise UnknownNameError("sensor of observations", name, ("lidar", "camera"))
     above = {"xyz": [0.0, 0.0, rig.robot.chassis_top + 0.3]}
     sensors = []
-    for base, kind in ((_SCAN, readings.Cloud), (_VIEW, readings.Image)):
+    for base, kind, own_values in (
+        (_SCAN, readings.Cloud, changed.lidar),
+        (_VIEW, readings.Image, changed.camera),
+    ):
         own = rig.giving(kind)
         mount = own[0].mount.model_dump() if own else above
-        sensors.append({**base, "mount": mount, **changed.get(str(base["name"]), {})})
+        sensors.append({**base, "mount": mount, **own_values})
     robot = rig.robot.model_dump()
 
     def made(each: list[dict[str, Any]], *, visible: bool) -> Rig:
-        values = {"name": "learning", "environment": "park", "route": {"random": {"length_m": 20, "seed": 0}}}
-        return validated({**values, "rig": {"robot": robot, "sensors": each, "visible": visible}}, "sensors").rig
+        return experiment_of(rig={"robot": robot, "sensors": each, "visible": visible}).rig
 
     return Rigs(made(sensors, visible=rig.visible), made([dict(_BEHIND)], visible=True))
-
-
-def names_of(observation: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of observations that are asked for.
-
-    Raises:
-        UnknownNameError: an unknown one.
-        ConfigurationError: none at all.
-    """
-    names: list[str] = []
-    for name in [observation] if isinstance(observation, str) else observation:
-        if name not in (*OBSERVATIONS, "camera"):
-            raise UnknownNameError("observation", str(name), (*OBSERVATIONS, "camera"))
-        names += ["camera/photo", "camera/label"] if name == "camera" else [name]
-    if not names:
-        raise ConfigurationError(f"observation must name at least one of {', '.join(OBSERVATIONS)}")
-    return tuple(dict.fromkeys(names))
 
 
 def _box(limits: list[float]) -> spaces.Box:
@@ -113,14 +82,14 @@ class Senses:
     """What the robot of an environment observes: a ``space``, and values in it.
 
     Args:
-        observation: names of ``OBSERVATIONS``; one of them is a Box, several are a Dict.
+        config: names the observations; one of them is a Box, several are a Dict.
         rigs: the sensors.
         has_goal: whether ``state`` begins with a goal.
     """
 
-    def __init__(self, observation: str | Iterable[str], rigs: Rigs, *, has_goal: bool) -> None:
-        self.names, self._rigs, self._has_goal = names_of(observation), rigs, has_goal
-        self._single = isinstance(observation, str) and len(self.names) == 1
+    def __init__(self, config: LearningConfig, rigs: Rigs, *, has_goal: bool) -> None:
+        self.names, self._rigs, self._has_goal = config.names, rigs, has_goal
+        self._single = isinstance(config.observation, str) and len(self.names) == 1
         self._scan_config, self._view_config = rigs.observing.sensors
         self._heights: Grid | None = None
         self._parts: dict[str, Callable[[], Any]] = {
