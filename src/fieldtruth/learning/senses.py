@@ -33,7 +33,12 @@ _FAST: Final = 20.0  # [m/s]
 _SPIN: Final = 20.0  # [rad/s]
 _WHEEL: Final = 200.0  # [rad/s]
 _LOAD: Final = 1e5  # [N]
-_SCAN: Final = {"kind": "lidar", "name": "lidar", "columns": 180, "rings": 16, "spinning": False, "max_range": 30.0}
+_ELEVATIONS: Final = [float(degrees) for degrees in np.linspace(5.0, -25.0, 16)]
+"""Of the rays [deg]: those that go up are as many as tell a low branch."""
+_SCAN: Final = {
+    **{"kind": "lidar", "name": "lidar", "columns": 180, "rings": 16, "spinning": False},
+    **{"max_range": 20.0, "elevations_deg": _ELEVATIONS},
+}
 _VIEW: Final = {"kind": "camera", "name": "camera", "width": 96, "height": 54}
 _BEHIND: Final = {
     **{"kind": "camera", "name": "behind", "width": 480, "height": 270},
