@@ -171,9 +171,9 @@ def main() -> None:
         case "physics":
             physics(*rest)
         case "success":
-            success(*map(int, rest[:1]), *rest[1:])
+            success(int(rest[0]) if rest else 20, *rest[1:])
         case _:
-            leak(*map(int, rest))
+            leak(int(rest[0]) if rest else 1000)
 
 
 if __name__ == "__main__":

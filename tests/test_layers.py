@@ -34,7 +34,8 @@ PRESCRIBED: Final = {
     "experiment/image_topics.py": {"camera_info"},  # the topic in which ROS's packages expect a calibration
     "experiment/imaging_config.py": {"camera_info"},
     "gazebo/ros.py": {"camera_info"},
-    "learning/senses.py": {"lidar", "camera"},  # names of observations, and of arguments
+    "learning/config.py": {"lidar", "camera"},  # arguments
+    "learning/senses.py": {"lidar", "camera"},  # names of observations
     "exporters/stereo_depth.py": {"stereo", "StereoSGBM"},  # a folder of the format, and OpenCV's matcher
 }
 """Words by file that a format, a public interface or the name of a kernel prescribes, for sensors of any kind."""

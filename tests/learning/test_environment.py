@@ -135,7 +135,7 @@ def test_wheels_drive_as_the_same_command_does(plane: World) -> None:
         for _ in range(20):
             state = env.step(np.array(values, np.float32))[0]
         ends.append(state)
-    np.testing.assert_allclose(*ends, atol=0.02)
+    np.testing.assert_allclose(ends[0], ends[1], atol=0.02)
 
 
 def test_wall_ends_an_episode_by_a_hard_hit_only(blocks: World) -> None:
@@ -255,7 +255,7 @@ def test_range_image_has_what_is_ahead_in_its_middle(blocks: World) -> None:
     ],
 )
 def test_bad_values_are_one_line(values: dict[str, Any], text: str, plane: World) -> None:
-    given = {} if {"split", "worlds"} & {*values} else {"world": plane}
+    given: dict[str, Any] = {} if {"split", "worlds"} & {*values} else {"world": plane}
     with pytest.raises(FieldtruthError) as found:
         gymnasium.make("fieldtruth/Reach-v0", **given, **values)
     assert text in str(found.value)

@@ -70,7 +70,7 @@ def mark_seen(wanted: Mask, corner: Array, spacing: float, pose: Array, points: 
 def path_left(lengths: Float32Array, corner: Array, spacing: float, x: float, y: float) -> tuple[float, int, int]:
     """Length [m] of the shortest path from x, y over a node near it, infinite without one, and that node.
 
-    ``lengths`` (n, m) [m] are those from each node, NaN where there is none.
+    ``lengths`` (n, m) [m] are those from each node, NaN without a path.
     """
     u, v = round((x - corner[0]) / spacing), round((y - corner[1]) / spacing)
     best, row, column = np.inf, -1, -1
