@@ -51,7 +51,8 @@ def episode(env: gymnasium.Env[Any, Any], policy: Policy, seed: int | None) -> d
             return {**info["metrics"], "cause": info["cause"], "hazard": begun["hazard"]}
 
 
-def _steps_per_second(observation: str, seed: int, ready: Any) -> float:
+def _steps(observation: str, seed: int, ready: Any) -> tuple[float, float, float]:
+    """Steps of control per second, with resets and without, and time [ms] of the processor for one."""
     env = gymnasium.make("fieldtruth/Reach-v0", observation=observation)
     env.reset(seed=seed)
     rng = np.random.default_rng(seed)
@@ -59,28 +60,36 @@ def _steps_per_second(observation: str, seed: int, ready: Any) -> float:
     for action in actions[:5]:
         env.step(action)
     ready.wait()
-    begun = time.perf_counter()
+    begun, used, resets_s, resets_used = time.perf_counter(), time.process_time(), 0.0, 0.0
     for action in actions:
         _, _, terminated, truncated, _ = env.step(action)
         if terminated or truncated:
+            since, used_since = time.perf_counter(), time.process_time()
             env.reset()
-    return STEPS / (time.perf_counter() - begun)
+            resets_s, resets_used = (
+                resets_s + time.perf_counter() - since,
+                resets_used + time.process_time() - used_since,
+            )
+    whole = time.perf_counter() - begun
+    work = time.process_time() - used - resets_used
+    return STEPS / whole, STEPS / (whole - resets_s), 1e3 * work / STEPS
 
 
 def _work(observation: str, seed: int, ready: Any, rates: Any) -> None:
-    rates.put(_steps_per_second(observation, seed, ready))
+    rates.put(_steps(observation, seed, ready))
 
 
 def speed(observations: tuple[str, ...]) -> None:
-    """Steps of control per second, resets included, of one process per core."""
+    """Speed of one process per core."""
     context, cores = get_context("spawn"), cpu_count()
     for observation in observations:
         rates, ready = context.Queue(), context.Barrier(cores)
         jobs = [context.Process(target=_work, args=(observation, k, ready, rates)) for k in range(cores)]
         for job in jobs:
             job.start()
-        total = sum(rates.get() for _ in jobs)
-        print(f"{observation:15s} {total:7.0f} control steps/s in {cores} processes{_load()}", flush=True)
+        whole, alone, work = np.array([rates.get() for _ in jobs]).T
+        print(f"{observation:15s} {alone.sum():6.0f} control steps/s in {cores} processes, {whole.sum():.0f} with "
+              f"resets; {work.mean():.2f} ms of the processor each{_load()}", flush=True)  # fmt: skip
         for job in jobs:
             job.join()
 
