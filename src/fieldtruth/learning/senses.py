@@ -97,6 +97,8 @@ class Senses:
         self._single = isinstance(config.observation, str) and len(self.names) == 1
         self._scan_config, self._view_config = rigs.observing.sensors
         self._heights: Grid | None = None
+        self._sensed: TaskWorld | None = None
+        self._sensors: dict[str, Sensor] = {}
         self._parts: dict[str, Callable[[], Any]] = {
             "state": self._state,
             "lidar": self._ranges,
@@ -139,12 +141,8 @@ class Senses:
         self._made, self._robot, self._task = made, robot, task
         self._once: dict[str, Any] = {}
         self._number = -1
-        world = made.sensed_by(self._rigs.observing)
-        if getattr(self, "_world", None) is not world:
-            self._world = world
-            self._scanner, self._viewer = (
-                sensor_class(config)(config, world) for config in (self._scan_config, self._view_config)
-            )
+        if self._sensed is not made:
+            self._sensed, self._sensors = made, {}
         self._heights = made.unknown_heights() if "elevation/seen" in self.names else None
 
     def read(self) -> Any:
@@ -167,6 +165,12 @@ class Senses:
             self._once[name] = make()
         return self._once[name]
 
+    def _sensor(self, config: SensorConfig) -> Sensor:
+        """Return a sensor, made at its first reading in a world: without one, no ray tracer is built."""
+        if config.name not in self._sensors:
+            self._sensors[config.name] = sensor_class(config)(config, self._made.sensed_by(self._rigs.observing))
+        return self._sensors[config.name]
+
     def _output(self, config: SensorConfig) -> Any:
         return config.outputs_on(self._rigs.observing.robot)[0]
 
@@ -174,7 +178,7 @@ class Senses:
     def cloud(self) -> readings.Cloud:
         """The scan after the last step."""
         cloud: readings.Cloud = self._kept(
-            "cloud", lambda: self._scanner.read(self._output(self._scan_config), self._at())
+            "cloud", lambda: self._sensor(self._scan_config).read(self._output(self._scan_config), self._at())
         )
         return cloud
 
@@ -186,7 +190,7 @@ class Senses:
     @property
     def _image(self) -> readings.Image:
         image: readings.Image = self._kept(
-            "image", lambda: self._viewer.read(self._output(self._view_config), self._at())
+            "image", lambda: self._sensor(self._view_config).read(self._output(self._view_config), self._at())
         )
         return image
 
@@ -195,7 +199,7 @@ class Senses:
         if "camera/photo" in self.names:
             assert self._image.label is not None
             return self._image.label
-        return self._viewer.labels(self._output(self._view_config), self._at())
+        return self._sensor(self._view_config).labels(self._output(self._view_config), self._at())
 
     def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values (n,) of the cloud's points as an image: upper rings first, from left to right, ahead in the middle."""
