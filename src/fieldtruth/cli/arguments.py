@@ -7,6 +7,7 @@ The arguments of all sub-commands are in ``commands.toml``.
 
 import argparse
 from collections.abc import Callable, Mapping
+from math import inf, nan
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -111,7 +112,18 @@ def words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",")]
 
 
-_TYPES: Final = {"count": count, "number": number, "path": Path, "seed": seed, "words": words}
+def area(text: str) -> list[float]:
+    """Parse a rectangle."""
+    try:
+        x0, y0, x1, y1 = map(float, text.split(","))
+    except ValueError:
+        x0 = y0 = x1 = y1 = nan
+    if not (-inf < x0 < x1 < inf and -inf < y0 < y1 < inf):
+        raise argparse.ArgumentTypeError(f"must be x0,y0,x1,y1 [m] with x0 < x1 and y0 < y1, got {text!r}")
+    return [x0, y0, x1, y1]
+
+
+_TYPES: Final = {"area": area, "count": count, "number": number, "path": Path, "seed": seed, "words": words}
 
 
 def add_arguments(parser: Parser, rows: Mapping[str, str | Mapping[str, Any]]) -> None:

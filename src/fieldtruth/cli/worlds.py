@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands for worlds, also in other tools, for rigs and the cache: world, scene, gazebo, rig, cache."""
+"""Sub-commands for worlds, also in other tools, for rigs and the cache: world, scene, map, gazebo, rig, cache."""
 
 import argparse
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldtruth.cli.arguments import UsageError, chosen
@@ -65,6 +66,56 @@ def _scene(options: argparse.Namespace) -> None:
         with progress.stage("write the scene"):
             write_scene(world, out, to=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
     print_output(out)
+
+
+def _map(options: argparse.Namespace) -> None:
+    like = _experiment_named(options.environment)
+    if like is not None:
+        options.environment = like.environment
+    if options.seed is None:
+        options.seed = 0 if like is None else like.seed
+    layouts: tuple[Mapping[str, Any], ...] = () if like is None else ({}, like.layout)
+    found = chosen(options, *layouts)
+    from fieldtruth.world_maps import check_layers, check_map_output, write_map
+
+    stem = f"{found.world_name}_{options.seed}"
+    out = check_map_output(stem, options.out, to=options.to, overwrite=options.overwrite)
+    check_layers(options.layers, options.resolution, options.to)
+    with show_progress() as progress:
+        with progress.stage("build the world"):
+            world = selected_world(options, *layouts)
+        write_map(
+            world,
+            out,
+            to=options.to,
+            resolution=options.resolution,
+            layers=options.layers,
+            area=options.area,
+            overwrite=options.overwrite,
+            workers=options.workers,
+            progress=progress,
+        )
+    print_output(out)
+
+
+def _experiment_named(name: str) -> "Experiment | None":
+    """Load an experiment by its name or file; None for an environment or a site's file."""
+    from fieldtruth.core.yaml_io import parse_mapping, read_text
+    from fieldtruth.experiment.environment_file import CENTRE
+    from fieldtruth.experiment.names import EXPERIMENTS
+    from fieldtruth.world.environments import ENVIRONMENTS
+
+    if name in ENVIRONMENTS:
+        return None
+    if is_environment_file(name):
+        content = parse_mapping(read_text(Path(name)), name)
+        if CENTRE in content and "environment" not in content:
+            return None
+    elif name not in EXPERIMENTS:
+        raise UnknownNameError("environment or experiment", name, [*ENVIRONMENTS, *EXPERIMENTS])
+    from fieldtruth.experiment.files import load_experiment
+
+    return load_experiment(name)
 
 
 def _gazebo(options: argparse.Namespace) -> None:
@@ -186,5 +237,5 @@ def _kind(entry: "Entry") -> str:
     return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
 
 
-COMMANDS: Final = {"world": _world, "scene": _scene, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
+COMMANDS: Final = {"world": _world, "scene": _scene, "map": _map, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
 """Sub-commands by name."""

@@ -1,0 +1,217 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The files of a map: GeoTIFF, a grid map of ROS, an image for Nav2's map server, NumPy.
+
+Layers are arrays over x and y. A GeoTIFF has north at the top, which is x, and west at the left, which is y, so that
+both axes are turned round. So are the matrices of grid_map, which begin at the greatest x and y.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from rosbags.typesys.stores import ros1_noetic as noetic
+
+from fieldtruth.bag.messages import WORLD, header, register, serialize
+from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.geodesy import Origin
+from fieldtruth.experiment.sensor_config import Topic
+from fieldtruth.kernels.columns import LOW
+from fieldtruth.world.model import World
+from fieldtruth.world_maps.layers import LAYERS, Grid, Layers
+
+ABOUT: Final = "map.yaml"
+"""File of a folder that says what is in it."""
+TOPIC: Final = "/grid_map"
+NAMES_TOPIC: Final = "/grid_map/names"
+STAMP_NS: Final = 1
+"""Stamp of a map in a bag: ROS takes 0 for "no time"."""
+_ROWS: Final = 512  # of an image that are in memory at once
+_OCCUPIED, _FREE = 0, 254
+_SEMI_MAJOR, _ECCENTRICITY2 = 6_378_137.0, 6.694379990141e-3  # of WGS 84
+
+
+class MadeMap(NamedTuple):
+    """A map that is made: its layers (n, m), and names of their numbers by table."""
+
+    world: World
+    grid: Grid
+    layers: Layers
+    names: dict[str, dict[int, str]]
+
+
+class Format(NamedTuple):
+    """A row of the table."""
+
+    write: Callable[[MadeMap, Path], None]
+    suffix: str
+    """Added to the world's name and seed for the default output path."""
+    description: str
+    layers: tuple[str, ...] = ()
+    """Layers that it is made of; empty: the user's choice."""
+    most_bytes: float = np.inf
+    """Size of all layers as single-precision numbers that it can hold."""
+    library: str = ""
+    """Library that the extra ``maps`` installs, if it needs one."""
+
+
+def about(made: MadeMap) -> dict[str, Any]:
+    """Return what a reader of the layers needs to know, for a YAML file."""
+    grid = made.grid
+    return {
+        "world": {"name": made.world.name, "seed": made.world.seed, "origin": [float(v) for v in made.world.origin]},
+        "grid": {"x0": grid.x0, "y0": grid.y0, "resolution": grid.resolution, "shape": list(grid.shape)},
+        "layers": {name: {"unit": LAYERS[name].unit, "description": LAYERS[name].description} for name in made.layers},
+        **made.names,
+    }
+
+
+def local_crs(origin: Origin) -> str:
+    """Return the map projection whose east and north are -y and x of a world frame, in PROJ's words.
+
+    A transverse Mercator projection about the origin, scaled to its height: within 500 m and 50 m of height of the
+    origin, it agrees with the frame's plane to 5 mm.
+    """
+    w = 1.0 - _ECCENTRICITY2 * np.sin(np.radians(origin.latitude)) ** 2
+    radius = _SEMI_MAJOR * np.sqrt(1.0 - _ECCENTRICITY2) / w
+    scale = float(1.0 + origin.height / radius)
+    return f"+proj=tmerc +lat_0={origin.latitude!r} +lon_0={origin.longitude!r} +k={scale!r} +datum=WGS84 +units=m"
+
+
+def _write_geotiff(made: MadeMap, target: Path) -> None:
+    """Write a folder of a GeoTIFF for each layer, and ``map.yaml``."""
+    from affine import Affine
+
+    target.mkdir()
+    grid = made.grid
+    north, west = grid.x0 + grid.shape[0] * grid.resolution, -(grid.y0 + grid.shape[1] * grid.resolution)
+    transform = Affine(grid.resolution, 0.0, west, 0.0, -grid.resolution, north)
+    for name, values in made.layers.items():
+        _write_tiff(target / f"{name}.tif", name, values, transform, made)
+    (target / ABOUT).write_text(yaml.safe_dump(about(made), sort_keys=False), encoding="utf-8")
+
+
+def _write_tiff(path: Path, name: str, values: NDArray[Any], transform: Any, made: MadeMap) -> None:
+    import rasterio
+    from rasterio.windows import Window
+
+    layer, (rows, columns) = LAYERS[name], values.shape
+    none = np.nan if values.dtype.kind == "f" else 0 if "0: none" in layer.description else None
+    profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": values.dtype, "nodata": none}
+    tiles = {"tiled": True, "blockxsize": 256, "blockysize": 256, "compress": "deflate", "bigtiff": "if_safer"}
+    crs = rasterio.crs.CRS.from_string(local_crs(made.world.origin))
+    with rasterio.open(path, "w", **profile, **tiles, crs=crs, transform=transform) as file:
+        file.set_band_description(1, layer.description)
+        file.set_band_unit(1, layer.unit)
+        if layer.names:
+            file.update_tags(1, **{str(number): text for number, text in made.names[layer.names].items()})
+        if layer.names == "classes":
+            palette = made.world.classes.palette
+            file.write_colormap(1, {number: (*map(int, palette[number]), 255) for number in made.names["classes"]})
+        for first, last in _blocks(rows):
+            block = values[rows - last : rows - first][::-1, ::-1]
+            file.write(np.ascontiguousarray(block), 1, window=Window(0, first, columns, last - first))
+
+
+def _blocks(count: int) -> Iterator[tuple[int, int]]:
+    return ((first, min(first + _ROWS, count)) for first in range(0, count, _ROWS))
+
+
+# Fields as in grid_map_msgs of ROS 1, so that the MD5 sums are those of ANYbotics' package.
+_INFO: Final = """\
+std_msgs/Header header
+float64 resolution
+float64 length_x
+float64 length_y
+geometry_msgs/Pose pose
+"""
+_GRID_MAP: Final = """\
+grid_map_msgs/GridMapInfo info
+string[] layers
+string[] basic_layers
+std_msgs/Float32MultiArray[] data
+uint16 outer_start_index
+uint16 inner_start_index
+"""
+_INFO_TYPE, GRID_MAP_TYPE = "grid_map_msgs/msg/GridMapInfo", "grid_map_msgs/msg/GridMap"
+
+
+def _write_grid_map(made: MadeMap, target: Path) -> None:
+    """Write a bag of one latched message with all layers, and one with names of classes, surfaces and soils."""
+    info, grid_map = register(_INFO, _INFO_TYPE), register(_GRID_MAP, GRID_MAP_TYPE)
+    grid = made.grid
+    length_x, length_y = (count * grid.resolution for count in grid.shape)
+    pose = noetic.geometry_msgs__msg__Pose(
+        noetic.geometry_msgs__msg__Point(grid.x0 + length_x / 2, grid.y0 + length_y / 2, 0.0),
+        noetic.geometry_msgs__msg__Quaternion(0.0, 0.0, 0.0, 1.0),
+    )
+    data = [_matrix(values) for values in made.layers.values()]
+    own = info(header(0, STAMP_NS, WORLD), grid.resolution, length_x, length_y, pose)
+    message = grid_map(own, list(made.layers), [], data, 0, 0)
+    topics = [Topic(TOPIC, GRID_MAP_TYPE, None), Topic(NAMES_TOPIC, "std_msgs/msg/String", None)]
+    with BagWriter(target, topics) as bag:
+        bag.write(TOPIC, STAMP_NS, serialize(message, GRID_MAP_TYPE))
+        text = noetic.std_msgs__msg__String(yaml.safe_dump(about(made), sort_keys=False))
+        bag.write(NAMES_TOPIC, STAMP_NS, serialize(text, "std_msgs/msg/String"))
+
+
+def _matrix(values: NDArray[Any]) -> Any:
+    """Return a layer as grid_map has it: rows towards -x, columns towards -y, column by column."""
+    rows, columns = values.shape
+    dimensions = [
+        noetic.std_msgs__msg__MultiArrayDimension("column_index", columns, rows * columns),
+        noetic.std_msgs__msg__MultiArrayDimension("row_index", rows, rows),
+    ]
+    layout = noetic.std_msgs__msg__MultiArrayLayout(dimensions, 0)
+    return noetic.std_msgs__msg__Float32MultiArray(
+        layout, np.ascontiguousarray(values[::-1, ::-1].T, np.float32).ravel()
+    )
+
+
+def _write_npz(made: MadeMap, target: Path) -> None:
+    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, and names by number."""
+    grid = made.grid
+    names = {key: [table.get(k, "") for k in range(max(table) + 1)] for key, table in made.names.items()}
+    with target.open("wb") as file:
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            **made.layers,
+            **{key: np.array(table) for key, table in names.items()},
+            x0=np.float64(grid.x0),
+            y0=np.float64(grid.y0),
+            resolution=np.float64(grid.resolution),
+            origin=np.array(made.world.origin),
+        )
+
+
+def _write_pgm(made: MadeMap, target: Path) -> None:
+    """Write ``map.pgm`` and ``map.yaml`` for Nav2's map server: x to the right, y up; occupied or free."""
+    target.mkdir()
+    grid, layers = made.grid, made.layers
+    columns, rows = grid.shape
+    with (target / "map.pgm").open("wb") as file:
+        file.write(b"P5\n%d %d\n255\n" % (columns, rows))
+        for first, last in _blocks(rows):
+            own = slice(rows - last, rows - first)
+            occupied = layers["obstacle"][:, own] > 0
+            occupied |= (layers["step_height"][:, own] > LOW) | (layers["water_depth"][:, own] > LOW)
+            file.write(np.where(occupied, _OCCUPIED, _FREE).astype(np.uint8).T[::-1].tobytes())
+    text = {"image": "map.pgm", "mode": "trinary", "resolution": grid.resolution, "origin": [grid.x0, grid.y0, 0.0]}
+    text |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.25}
+    (target / ABOUT).write_text(yaml.safe_dump(text, sort_keys=False), encoding="utf-8")
+
+
+FORMATS: Final = {
+    "geotiff": Format(_write_geotiff, "_map", "a folder of a GeoTIFF for each layer", library="rasterio"),
+    "grid_map": Format(
+        _write_grid_map, "_map.bag", "a bag with a latched grid_map_msgs/GridMap", most_bytes=1e9
+    ),  # TCPROS refuses more
+    "npz": Format(_write_npz, "_map.npz", "one NumPy file"),
+    "pgm": Format(
+        _write_pgm, "_nav2", "a folder with an image for Nav2's map server", ("obstacle", "step_height", "water_depth")
+    ),
+}
