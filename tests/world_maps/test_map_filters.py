@@ -21,17 +21,15 @@ from fieldtruth.world_maps.filters import (
 F8 = NDArray[np.float64]
 CELL: Final = 0.05
 X, Y = np.meshgrid(CELL * np.arange(200.0), CELL * np.arange(160.0), indexing="ij")
-INNER: Final = (slice(30, -30), slice(30, -30))
 
 
-def test_a_plane_has_one_slope_and_the_step_that_follows_and_no_gap() -> None:
+def test_a_plane_has_one_slope_and_the_step_that_follows_and_no_gap_up_to_the_edge() -> None:
     plane = 0.3 * X - 0.4 * Y + 200.0
-    np.testing.assert_allclose(slope(plane, CELL)[INNER], np.arctan(0.5), atol=1e-9)
-    np.testing.assert_allclose(step_height(plane, CELL)[INNER], 0.7 * 0.1, atol=1e-9)
-    drop, width = drops(plane, CELL)
-    assert drop.max() < 1e-9
+    np.testing.assert_allclose(slope(plane, CELL), np.arctan(0.5), atol=1e-9)
+    np.testing.assert_allclose(step_height(plane, CELL), 0.7 * 0.1, atol=1e-9)
+    assert drops(plane, CELL)[0].max() < 1e-9
     for band in BANDS.values():
-        assert roughness(plane, CELL, band)[90:110, 70:90].max() < 1e-3
+        assert roughness(plane, CELL, band).max() < 1e-6
 
 
 def test_a_step_has_its_height_within_reach_on_both_sides() -> None:

@@ -114,7 +114,7 @@ def check_layers(layers: Sequence[str] | None, resolution: float, to: str) -> li
         raise ConfigurationError(
             f"resolution must be a number of metres from {FINEST} to {COARSEST:g}, got {resolution:g}"
         )
-    limits = {name: each.finest for names, each in FILTERS.items() for name in names}
+    limits = {name: each.coarsest for names, each in FILTERS.items() for name in names}
     if FORMATS[to].layers:
         if layers is not None:
             raise ConfigurationError(f"layers must not be given for {to}, which is made of its own")
