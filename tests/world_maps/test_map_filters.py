@@ -56,7 +56,7 @@ def test_a_wave_has_its_rms_in_its_band_as_the_gaussian_filter_passes_it(length:
 
 @pytest.mark.parametrize(("cells", "deep"), [(4, 0.4), (30, 0.4), (40, 0.4), (41, 0.0)])
 def test_a_ditch_has_its_depth_and_width_if_it_is_narrower_than_two_metres(cells: int, deep: float) -> None:
-    inside = (X > 3.0 - CELL / 2) & (X < 3.0 + (cells - 0.5) * CELL)
+    inside = np.abs(X - 3.0 - (cells - 1) * CELL / 2) < cells * CELL / 2
     drop, width = drops(np.where(inside, -0.4, 0.0) + 100.0, CELL)
     np.testing.assert_allclose(drop, np.where(inside, deep, 0.0), atol=1e-9)
     if deep:

@@ -70,51 +70,36 @@ def _scene(options: argparse.Namespace) -> None:
 
 def _map(options: argparse.Namespace) -> None:
     like = _experiment_named(options.environment)
+    layouts: tuple[Mapping[str, Any], ...] = ()
     if like is not None:
-        options.environment = like.environment
+        options.environment, layouts = like.environment, ({}, like.layout)
     if options.seed is None:
         options.seed = 0 if like is None else like.seed
-    layouts: tuple[Mapping[str, Any], ...] = () if like is None else ({}, like.layout)
-    found = chosen(options, *layouts)
-    from fieldtruth.world_maps import check_layers, check_map_output, write_map
+    stem = f"{chosen(options, *layouts).world_name}_{options.seed}"
+    from fieldtruth.world_maps import check_layers, check_map, write_map
 
-    stem = f"{found.world_name}_{options.seed}"
-    out = check_map_output(stem, options.out, to=options.to, overwrite=options.overwrite)
+    check_map(stem, options.out, to=options.to, overwrite=options.overwrite)
     check_layers(options.layers, options.resolution, options.to)
+    asked = {key: getattr(options, key) for key in ("to", "resolution", "layers", "area", "overwrite", "workers")}
     with show_progress() as progress:
         with progress.stage("build the world"):
             world = selected_world(options, *layouts)
-        write_map(
-            world,
-            out,
-            to=options.to,
-            resolution=options.resolution,
-            layers=options.layers,
-            area=options.area,
-            overwrite=options.overwrite,
-            workers=options.workers,
-            progress=progress,
-        )
+        out = write_map(world, options.out, **asked, progress=progress)
     print_output(out)
 
 
 def _experiment_named(name: str) -> "Experiment | None":
     """Load an experiment by its name or file; None for an environment or a site's file."""
     from fieldtruth.core.yaml_io import parse_mapping, read_text
-    from fieldtruth.experiment.environment_file import CENTRE
+    from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.names import EXPERIMENTS
     from fieldtruth.world.environments import ENVIRONMENTS
 
-    if name in ENVIRONMENTS:
+    is_file = is_environment_file(name)
+    if name in ENVIRONMENTS or (is_file and "environment" not in parse_mapping(read_text(Path(name)), name)):
         return None
-    if is_environment_file(name):
-        content = parse_mapping(read_text(Path(name)), name)
-        if CENTRE in content and "environment" not in content:
-            return None
-    elif name not in EXPERIMENTS:
+    if not is_file and name not in EXPERIMENTS:
         raise UnknownNameError("environment or experiment", name, [*ENVIRONMENTS, *EXPERIMENTS])
-    from fieldtruth.experiment.files import load_experiment
-
     return load_experiment(name)
 
 

@@ -15,16 +15,11 @@ from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.kernels.compile import inlined, kernel
 
 SOLID, FLEXIBLE, PASSABLE, PLANT, HARD, FOOT = (1 << k for k in range(6))
-"""Flags of faces: of a body that stops a robot, of one that it bends, a leaf or blade; of a plant; ground where it faces
-up, at any height or as a root up to ``FOOT_HEIGHT``."""
-FOOT_HEIGHT: Final = 0.165
-"""Height [m] of a wheel's axle, as in ``drive.ground``."""
-LOW: Final = 0.1
-"""Height [m] above the bare ground from which on a solid body is an obstacle."""
-REACH: Final = 2.0
-"""Height [m] above the bare ground up to which volumes and obstacles count."""
-LAYER: Final = 0.05
-"""Height [m] of the layers in which a line has a leaf or none; ``REACH`` has at most 64."""
+"""Flags of faces: of a solid or flexible body, a leaf; of a plant; ground that faces up, at any height or as a root."""
+FOOT_HEIGHT: Final = 0.165  # [m] up to which roots are ground: a wheel's axle, as in ``drive.ground``
+LOW: Final = 0.1  # [m] above the bare ground, from which on a solid body is an obstacle
+REACH: Final = 2.0  # [m] above the bare ground, up to which volumes and obstacles count
+LAYER: Final = 0.05  # [m], of the layers in which a line has a leaf or none; ``REACH`` has at most 64
 _GAP: Final = 1e-3  # [m] above the hard ground from which on an overhang counts
 _STEEP: Final = 0.1  # of a wall: cosine between the vertical and its normal, about
 _Point = tuple[float, float, float]
@@ -164,9 +159,8 @@ def drop_faces(faces: Faces, copies: Copies, near: Index, cells: Cells, found: C
                 low, high = min(p[2], q[2], r[2]), max(p[2], q[2], r[2])
                 if abs(area) * cells.spacing > _STEEP * (high - low) * max(u1 - u0, v1 - v0):
                     low, high = np.inf, -np.inf
-                _touch(cells, p, q, low, high)
-                _touch(cells, q, r, low, high)
-                _touch(cells, r, p, low, high)
+                for one, other in ((p, q), (q, r), (r, p)):
+                    _touch(cells, one, other, low, high)
             if area == 0.0:
                 continue
             if area < 0.0:

@@ -6,7 +6,6 @@ A map is made tile by tile. Its layers are files on the disk while it is made, s
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import disk_usage
@@ -15,27 +14,21 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.files import ABOUT, FORMATS, MadeMap
-from fieldtruth.world_maps.filters import FILTERS, Filter
+from fieldtruth.world_maps.filters import FILTERS
 from fieldtruth.world_maps.layers import LAYERS, Grid, Layers, WorldColumns, names_of
 
 RESOLUTION: Final = 0.05
 """Default side [m] of a cell."""
-FINEST: Final = 0.001
-COARSEST: Final = 100.0
-_TILE: Final = 256
-"""Cells along the side of a tile of columns."""
-_BLOCK: Final = 1024
-"""Cells along the side of a tile of filters, which see what is around it."""
-_SPARE: Final = 100_000_000
-"""Bytes that stay free on the disk."""
-_LESS: Final = "take fewer --layers, an --area or a coarser --resolution"
+_RESOLUTIONS: Final = (0.001, 100.0)
+_TILE: Final = 256  # cells along the side of a tile of columns
+_BLOCK: Final = 1024  # cells along the side of a tile of filters, which see what is around it
+_SPARE: Final = 100_000_000  # bytes that stay free on the disk
 
 
 def write_map(
@@ -50,7 +43,7 @@ def write_map(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a map of a world.
+    """Write a map of a world, and return its path.
 
     Args:
         world: see ``load_world``.
@@ -63,146 +56,116 @@ def write_map(
         workers: threads; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
 
-    Returns:
-        Path of the output.
-
     Raises:
         UnknownNameError: an unknown format or layer.
         ConfigurationError: a resolution or area that is not allowed, or a world without ground.
         OutputError: the output exists or cannot be written, a library is missing, or the disk is too small.
     """
-    target = check_map_output(f"{world.name}_{world.seed}", out, to=to, overwrite=overwrite)
-    wanted = check_layers(layers, resolution, to)
-    grid = grid_of(world, resolution, area)
+    target = check_map(f"{world.name}_{world.seed}", out, to=to, overwrite=overwrite)
+    wanted, grid = check_layers(layers, resolution, to), grid_of(world, resolution, area)
     sources = [each.source for names, each in FILTERS.items() if {*names} & {*wanted}]
-    stored = list(dict.fromkeys([*wanted, *sources]))
-    progress, workers = progress or Silent(), workers or cpu_count()
+    stored, progress = list(dict.fromkeys([*wanted, *sources])), progress or Silent()
     with output_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
         _check_size(target, to, grid, stored, wanted)
+        target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent, ignore_cleanup_errors=True) as folder:
-            values = _opened(Path(folder), grid, stored)
+            paths = {name: Path(folder) / f"{name}.npy" for name in stored}
+            open_ = np.lib.format.open_memmap
+            values: Layers = {name: open_(path, "w+", LAYERS[name].dtype, grid.shape) for name, path in paths.items()}
             with progress.stage("columns"):
-                _fill_columns(WorldColumns(world, grid), grid, values, workers)
+                _fill_columns(WorldColumns(world, grid), grid, values, workers or cpu_count())
             with progress.stage("slopes, gaps, distances"):
                 _fill_filters(grid, values)
             with progress.stage("write the map"), atomic_output(target) as part:
-                made = MadeMap(world, grid, {name: values[name] for name in wanted}, names_of(world))
-                FORMATS[to].write(made, part)
+                FORMATS[to].write(MadeMap(world, grid, {name: values[name] for name in wanted}, names_of(world)), part)
                 if overwrite:
                     remove(target)
     return target
 
 
-def check_map_output(stem: str, out: Path | str | None = None, *, to: str, overwrite: bool = False) -> Path:
+def check_map(stem: str, out: Path | str | None = None, *, to: str, overwrite: bool = False) -> Path:
     """Return the path of the output, before any work; raises as ``write_map``."""
     if to not in FORMATS:
         raise UnknownNameError("format", to, FORMATS)
-    suffix = FORMATS[to].suffix
+    suffix, library = FORMATS[to].suffix, FORMATS[to].library
     target = output_path(stem + suffix if out is None else out, single="." in suffix, overwrite=overwrite)
-    with output_errors(target):
-        if target.is_dir() and not (target / ABOUT).is_file():
-            raise OutputError(f"{target} is a folder that does not hold a map; choose another --out")
-    if FORMATS[to].library and find_spec(FORMATS[to].library) is None:
+    if target.is_dir() and not (target / ABOUT).is_file():
+        raise OutputError(f"{target} is a folder that does not hold a map; choose another --out")
+    if library and find_spec(library) is None:
         raise OutputError(f"{to} needs a library that is not installed; run: pip install 'fieldtruth[maps]'")
     return target
 
 
 def check_layers(layers: Sequence[str] | None, resolution: float, to: str) -> list[str]:
     """Return the layers of a map; raises as ``write_map``."""
-    if not FINEST <= resolution <= COARSEST:
-        raise ConfigurationError(
-            f"resolution must be a number of metres from {FINEST} to {COARSEST:g}, got {resolution:g}"
-        )
+    finest, coarsest = _RESOLUTIONS
+    if not finest <= resolution <= coarsest:
+        raise ConfigurationError(f"resolution must be {finest:g} to {coarsest:g} m, got {resolution:g}")
+    if layers is not None and (FORMATS[to].layers or not layers):
+        allowed = f"be left out for {to}, which has its own" if layers else f"name one of {', '.join(LAYERS)}"
+        raise ConfigurationError(f"layers must {allowed}")
     limits = {name: each.coarsest for names, each in FILTERS.items() for name in names}
-    if FORMATS[to].layers:
-        if layers is not None:
-            raise ConfigurationError(f"layers must not be given for {to}, which is made of its own")
-        return list(FORMATS[to].layers)
+    fine = [name for name in LAYERS if resolution <= limits.get(name, coarsest) * (1 + 1e-9)]
     for name in layers or ():
         if name not in LAYERS:
             raise UnknownNameError("layer", name, LAYERS)
-        if resolution > limits.get(name, np.inf) * (1 + 1e-9):
+        if name not in fine:
             raise ConfigurationError(
                 f"layer {name} needs a resolution of at most {limits[name]:g} m, got {resolution:g}"
             )
-    if layers is not None and not layers:
-        raise ConfigurationError(f"layers must name one at least. Available: {', '.join(LAYERS)}")
-    chosen = LAYERS if layers is None else dict.fromkeys(layers)
-    return [name for name in chosen if resolution <= limits.get(name, np.inf) * (1 + 1e-9)]
+    return list(dict.fromkeys(FORMATS[to].layers or layers or fine))
 
 
 def grid_of(world: World, resolution: float, area: Sequence[float] | None = None) -> Grid:
     """Return the cells of a map, all of them within the world and the area; raises as ``write_map``."""
     if not world.terrain.visible:
         raise ConfigurationError(f"{world.name}: a map needs a world with ground, this one has objects only")
-    half = np.array(world.size) / 2
-    low, high = -half, half
-    if area is not None:
-        if len(area) != 4 or not (np.isfinite(area).all() and area[0] < area[2] and area[1] < area[3]):
-            raise ConfigurationError(f"area must be x0,y0,x1,y1 [m] with x0 < x1 and y0 < y1, got {_listed(area)}")
-        low, high = np.maximum(low, area[:2]), np.minimum(high, area[2:])
-    count = np.floor((high - low) / resolution + 1e-6).astype(int)
-    if (count < 1).any():
-        size = " x ".join(f"{side:g}" for side in world.size)
-        raise ConfigurationError(f"area must hold one cell of {resolution:g} m of the world, {size} m about 0, 0")
-    return Grid(float(low[0]), float(low[1]), resolution, (int(count[0]), int(count[1])))
-
-
-def _listed(values: Sequence[float]) -> str:
-    return ",".join(f"{value:g}" for value in values)
+    (x0, y0, x1, y1), (length, width) = area or (-np.inf, -np.inf, np.inf, np.inf), world.size
+    low, high = np.maximum((x0, y0), (-length / 2, -width / 2)), np.minimum((x1, y1), (length / 2, width / 2))
+    n, m = np.floor((high - low) / resolution + 1e-6).tolist()
+    if not (n >= 1 and m >= 1):
+        text = f"{length:g} m x {width:g} m about 0, 0"
+        raise ConfigurationError(f"area must hold a cell of {resolution:g} m of the world, which is {text}")
+    return Grid(float(low[0]), float(low[1]), resolution, (int(n), int(m)))
 
 
 def _check_size(target: Path, to: str, grid: Grid, stored: Sequence[str], wanted: Sequence[str]) -> None:
     """Check that layers and output, uncompressed, fit on the disk, and into the format; OutputError: both figures."""
     cells = grid.shape[0] * grid.shape[1]
-    size, output = f"a map of {grid.shape[0]} x {grid.shape[1]} cells", cells * 4 * len(wanted)
+    output, most = cells * 4 * len(wanted), FORMATS[to].most_bytes
+    free = disk_usage(next(each for each in target.absolute().parents if each.exists())).free
     needed = cells * sum(np.dtype(LAYERS[name].dtype).itemsize for name in stored) + output + _SPARE
-    with suppress(OSError):
-        if needed > (free := disk_usage(target.parent).free):
-            raise OutputError(
-                f"cannot write {target}: {size} needs {needed / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free; "
-                f"{_LESS}"
-            )
-    if output > (most := FORMATS[to].most_bytes):
-        raise OutputError(f"{to} holds {most / 1e9:g} GB, but {size} has {output / 1e9:.1f} GB; {_LESS}")
-
-
-def _opened(folder: Path, grid: Grid, names: Sequence[str]) -> Layers:
-    """Arrays of a size of the whole map, in files."""
-    return {
-        name: np.lib.format.open_memmap(folder / f"{name}.npy", "w+", LAYERS[name].dtype, grid.shape) for name in names
-    }
+    less = f"of {grid.shape[0]} x {grid.shape[1]} cells; take fewer --layers, an --area or a coarser --resolution"
+    if needed > free:
+        figures = f"{needed / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free"
+        raise OutputError(f"cannot write {target}: it needs {figures}, for a map {less}")
+    if output > most:
+        raise OutputError(f"{to} holds at most {most / 1e9:g} GB, got {output / 1e9:.1f} GB for a map {less}")
 
 
 def _tiles(grid: Grid, side: int) -> Iterator[tuple[slice, slice]]:
     n, m = grid.shape
-    for i in range(0, n, side):
-        for j in range(0, m, side):
-            yield slice(i, min(i + side, n)), slice(j, min(j + side, m))
+    return (
+        (slice(i, min(i + side, n)), slice(j, min(j + side, m))) for i in range(0, n, side) for j in range(0, m, side)
+    )
 
 
 def _fill_columns(columns: WorldColumns, grid: Grid, values: Layers, workers: int) -> None:
-    tiles = list(_tiles(grid, _TILE))
-    made = in_order(tiles, lambda tile: columns.tile(*tile), workers)
-    for tile, layers in zip(tiles, made, strict=True):
+    made = in_order(_tiles(grid, _TILE), lambda tile: (tile, columns.tile(*tile)), workers)
+    for tile, layers in made:
         for name in values.keys() & layers.keys():
             values[name][tile] = layers[name]
 
 
 def _fill_filters(grid: Grid, values: Layers) -> None:
+    """Filter each tile together with what is around it."""
     for names, each in FILTERS.items():
-        if values.keys() & {*names}:
-            for tile in _tiles(grid, _BLOCK):
-                made = dict(zip(names, _filtered(each, values, grid, tile), strict=True))
-                for name in values.keys() & made.keys():
-                    values[name][tile] = made[name]
-
-
-def _filtered(each: Filter, values: Layers, grid: Grid, tile: tuple[slice, slice]) -> Iterator[Array]:
-    """Filter a tile together with what is around it."""
-    reach = int(np.ceil(each.reach / grid.resolution)) + 1
-    wide = tuple(slice(max(0, s.start - reach), min(n, s.stop + reach)) for s, n in zip(tile, grid.shape, strict=True))
-    own = tuple(slice(s.start - w.start, s.stop - w.start) for s, w in zip(tile, wide, strict=True))
-    for made in each.make(values[each.source][wide].astype(np.float64), grid.resolution):
-        yield made[own]
+        reach = int(np.ceil(each.reach / grid.resolution)) + 1
+        for tile in _tiles(grid, _BLOCK) if values.keys() & {*names} else ():
+            sides = list(zip(tile, grid.shape, strict=True))
+            wide = tuple(slice(max(0, s.start - reach), min(n, s.stop + reach)) for s, n in sides)
+            own = tuple(slice(s.start - w.start, s.stop - w.start) for s, w in zip(tile, wide, strict=True))
+            made = each.make(values[each.source][wide].astype(np.float64), grid.resolution)
+            for name, found in zip(names, made, strict=True):
+                if name in values:
+                    values[name][tile] = found[own]

@@ -49,13 +49,12 @@ class Format(NamedTuple):
     write: Callable[[MadeMap, Path], None]
     suffix: str
     """Added to the world's name and seed for the default output path."""
-    description: str
     layers: tuple[str, ...] = ()
     """Layers that it is made of; empty: the user's choice."""
     most_bytes: float = np.inf
-    """Size of all layers as single-precision numbers that it can hold."""
+    """Size of all layers, in single precision, that it can hold."""
     library: str = ""
-    """Library that the extra ``maps`` installs, if it needs one."""
+    """Library of the extra ``maps`` that it needs."""
 
 
 def about(made: MadeMap) -> dict[str, Any]:
@@ -121,22 +120,12 @@ def _blocks(count: int) -> Iterator[tuple[int, int]]:
 
 
 # Fields as in grid_map_msgs of ROS 1, so that the MD5 sums are those of ANYbotics' package.
-_INFO: Final = """\
-std_msgs/Header header
-float64 resolution
-float64 length_x
-float64 length_y
-geometry_msgs/Pose pose
-"""
-_GRID_MAP: Final = """\
-grid_map_msgs/GridMapInfo info
-string[] layers
-string[] basic_layers
-std_msgs/Float32MultiArray[] data
-uint16 outer_start_index
-uint16 inner_start_index
-"""
 _INFO_TYPE, GRID_MAP_TYPE = "grid_map_msgs/msg/GridMapInfo", "grid_map_msgs/msg/GridMap"
+_INFO = "std_msgs/Header header\nfloat64 resolution\nfloat64 length_x\nfloat64 length_y\ngeometry_msgs/Pose pose\n"
+_GRID_MAP = (
+    "grid_map_msgs/GridMapInfo info\nstring[] layers\nstring[] basic_layers\nstd_msgs/Float32MultiArray[] data\n"
+    "uint16 outer_start_index\nuint16 inner_start_index\n"
+)
 
 
 def _write_grid_map(made: MadeMap, target: Path) -> None:
@@ -172,19 +161,13 @@ def _matrix(values: NDArray[Any]) -> Any:
 
 
 def _write_npz(made: MadeMap, target: Path) -> None:
-    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, and names by number."""
-    grid = made.grid
-    names = {key: [table.get(k, "") for k in range(max(table) + 1)] for key, table in made.names.items()}
+    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, ``origin``, and names by number."""
+    names = {key: np.array([table.get(k, "") for k in range(max(table) + 1)]) for key, table in made.names.items()}
+    x0, y0, resolution, _ = made.grid
     with target.open("wb") as file:
+        grid = {"x0": np.float64(x0), "y0": np.float64(y0), "resolution": np.float64(resolution)}
         np.savez_compressed(
-            file,
-            allow_pickle=False,
-            **made.layers,
-            **{key: np.array(table) for key, table in names.items()},
-            x0=np.float64(grid.x0),
-            y0=np.float64(grid.y0),
-            resolution=np.float64(grid.resolution),
-            origin=np.array(made.world.origin),
+            file, allow_pickle=False, **made.layers, **names, **grid, origin=np.array(made.world.origin)
         )
 
 
@@ -206,12 +189,9 @@ def _write_pgm(made: MadeMap, target: Path) -> None:
 
 
 FORMATS: Final = {
-    "geotiff": Format(_write_geotiff, "_map", "a folder of a GeoTIFF for each layer", library="rasterio"),
-    "grid_map": Format(
-        _write_grid_map, "_map.bag", "a bag with a latched grid_map_msgs/GridMap", most_bytes=1e9
-    ),  # TCPROS refuses more
-    "npz": Format(_write_npz, "_map.npz", "one NumPy file"),
-    "pgm": Format(
-        _write_pgm, "_nav2", "a folder with an image for Nav2's map server", ("obstacle", "step_height", "water_depth")
-    ),
+    "geotiff": Format(_write_geotiff, "_map", library="rasterio"),
+    "grid_map": Format(_write_grid_map, "_map.bag", most_bytes=1e9),  # TCPROS refuses longer messages
+    "npz": Format(_write_npz, "_map.npz"),
+    "pgm": Format(_write_pgm, "_nav2", ("obstacle", "step_height", "water_depth")),
 }
+"""By name."""
