@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -275,7 +275,7 @@ def heights_by_rays(
     return found, margin
 
 
-def differing(mine: NDArray[np.generic], theirs: NDArray[np.float64], margin: NDArray[np.float64]) -> NDArray[np.bool_]:
+def differing(mine: NDArray[Any], theirs: NDArray[np.float64], margin: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Rays whose heights differ by more than 1 mm, unless they pass within 30 um of an edge of a triangle."""
     mine = mine.astype(np.float64)
     same = (np.isnan(mine) & np.isnan(theirs)) | (np.abs(mine - theirs) <= 1e-3)

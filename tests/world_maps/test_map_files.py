@@ -25,8 +25,9 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputEr
 from fieldtruth.core.geodesy import Origin, geodetic_from_world
 from fieldtruth.world import build
 from fieldtruth.world.model import World
-from fieldtruth.world_maps import LAYERS, write_map
+from fieldtruth.world_maps import write_map
 from fieldtruth.world_maps.files import local_crs
+from fieldtruth.world_maps.layers import LAYERS
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +98,9 @@ def test_a_grid_map_is_latched_and_its_matrices_begin_at_the_greatest_x_and_y(
 ) -> None:
     out = write_map(world, tmp_path / "map.bag", to="grid_map", layers=["ground", "overhang_instance"], workers=1)
     with AnyReader([out]) as bag:
-        found = {c.topic: (c, bag.deserialize(data, c.msgtype)) for c, _, data in bag.messages()}
+        found: dict[str, tuple[Any, Any]] = {
+            c.topic: (c, bag.deserialize(data, c.msgtype)) for c, _, data in bag.messages()
+        }
     connection, message = found["/grid_map"]
     assert connection.digest == "95681e052b1f73bf87b7eb984382b401"  # of ANYbotics' grid_map_msgs/GridMap
     assert isinstance(connection.ext, ConnectionExtRosbag1)

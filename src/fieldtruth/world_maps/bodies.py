@@ -77,11 +77,11 @@ def _closed(world: World, mesh: Mesh) -> tuple[Float32Array, _Rows, _Bytes, _Byt
     thickness = np.full(len(label), np.inf)
     thickness[body] = thickness_of(vertices.astype(np.float64), corners[body], caps, joined)
     kind = kinds_of(label, leaf, thickness)
-    flags = kind | (PLANT * np.isin(label, PLANTS)) | (HARD * np.isin(label, GROUNDS))
-    flags |= FOOT * ((label == Label.TRUNK) & (kind == SOLID))
+    flags = kind + PLANT * np.isin(label, PLANTS) + HARD * np.isin(label, GROUNDS)
+    flags += FOOT * ((label == Label.TRUNK) & (kind == SOLID))
     cap = body[joined]
-    flags = np.concatenate([flags, kind[cap]]).astype(np.uint8)
-    return vertices, np.concatenate([corners, caps]), np.concatenate([label, label[cap]]), flags
+    labels, all_flags = np.concatenate([label, label[cap]]), np.concatenate([flags, kind[cap]])
+    return vertices, np.concatenate([corners, caps]), labels, all_flags.astype(np.uint8)
 
 
 def _connected(pairs: _Rows, count: int) -> _Rows:

@@ -146,8 +146,10 @@ class WorldColumns:
         room = _ROOM * ground.size
         while True:
             cells, count = _cells(x, y, self._grid.resolution, ground, label), 0
-            kinds = np.int64, np.float64, np.int8, np.int64, np.uint32
-            found = Crossings(*(np.empty(room, kind) for kind in kinds))
+            numbers = np.empty((2, room), np.int64)
+            found = Crossings(
+                numbers[0], np.empty(room), np.empty(room, np.int8), numbers[1], np.empty(room, np.uint32)
+            )
             for (copies, *_), rows in zip(self._copies, near, strict=True):
                 count = drop_faces(self._faces, copies, rows, cells, found, count)
             if count <= room:
@@ -161,7 +163,7 @@ def _cells(x: Array, y: Array, spacing: float, ground: Array, label: NDArray[np.
     """Cells on which nothing was dropped yet."""
     shape = ground.shape
     hard = Surface(ground.copy(), label.copy(), np.full(shape, GROUND_ID, np.uint32))
-    none = (Surface(np.full(shape, np.nan), np.zeros(shape, np.uint8), np.zeros(shape, np.uint32)) for _ in range(2))
-    lengths = (np.zeros(shape) for _ in range(3))
-    bits, marks = np.zeros(shape, np.uint64), np.zeros(shape, np.uint8)
-    return Cells(float(x[0]), float(y[0]), spacing, ground, hard, *none, *lengths, bits, marks)
+    lengths, bits = np.zeros((3, *shape)), np.zeros(shape, np.uint64)
+    none = [Surface(np.full(shape, np.nan), np.zeros(shape, np.uint8), np.zeros(shape, np.uint32)) for _ in range(2)]
+    start = float(x[0]), float(y[0]), spacing, ground, hard
+    return Cells(*start, none[0], none[1], lengths[0], lengths[1], lengths[2], bits, np.zeros(shape, np.uint8))
