@@ -6,7 +6,7 @@ Worlds have surfaces. Those of bodies are closed here, as a line must leave what
 tube that is open where it sprouts. Leaves and blades are sheets, which have no inside.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -136,12 +136,14 @@ def copies_of(world: World) -> Iterator[Copies]:
         yield Copies(poses, own, np.full(len(own), swarm.object_id, np.uint32))
 
 
-def boxes_of(faces: Faces, copies: Copies) -> tuple[Array, Array]:
-    """Lowest and highest x, y [m], (n, 2) each, of boxes around copies of meshes."""
+def boxes_of(faces: Faces, groups: Sequence[Copies]) -> list[tuple[Array, Array]]:
+    """Lowest and highest x, y [m], (n, 2) each, of boxes around the copies of meshes in each group."""
     ends = zip(faces.first_vertex[:-1].tolist(), faces.first_vertex[1:].tolist(), strict=True)
     own = [faces.vertices[a:b] if b > a else np.zeros((1, 3), np.float32) for a, b in ends]
     low, high = (np.array([extreme(each, axis=0) for each in own], np.float64) for extreme in (np.min, np.max))
-    rotation = copies.pose[:, :2, :3]
-    centre = np.einsum("nij,nj->ni", rotation, ((low + high) / 2)[copies.mesh]) + copies.pose[:, :2, 3]
-    reach = np.einsum("nij,nj->ni", np.abs(rotation), ((high - low) / 2)[copies.mesh])
-    return centre - reach, centre + reach
+    boxes = []
+    for pose, mesh, _ in groups:
+        centre = np.einsum("nij,nj->ni", pose[:, :2, :3], ((low + high) / 2)[mesh]) + pose[:, :2, 3]
+        reach = np.einsum("nij,nj->ni", np.abs(pose[:, :2, :3]), ((high - low) / 2)[mesh])
+        boxes.append((centre - reach, centre + reach))
+    return boxes

@@ -112,7 +112,8 @@ class WorldColumns:
     def __init__(self, world: World, grid: Grid) -> None:
         self._world, self._grid = world, grid
         self._faces = faces_of(world)
-        self._copies = [(copies, *boxes_of(self._faces, copies)) for copies in copies_of(world)]
+        self._copies = list(copies_of(world))
+        self._boxes = boxes_of(self._faces, self._copies)
         numbers = {name: number for number, name in names_of(world)["soils"].items()}
         self._soils, self._rock = np.array([numbers[name] for name in _soils_of(world)]), numbers["rock"]
 
@@ -142,7 +143,7 @@ class WorldColumns:
     def _filled(self, x: Array, y: Array, ground: Array, label: NDArray[np.uint8]) -> Cells:
         """Drop all that is above or below them on cells of middles x (n,) and y (m,)."""
         low, high = ((np.array([x[k], y[k]]) + half * self._grid.resolution) for k, half in ((0, -0.5), (-1, 0.5)))
-        near = [np.flatnonzero(((a <= high) & (b >= low)).all(axis=1)) for _, a, b in self._copies]
+        near = [np.flatnonzero(((a <= high) & (b >= low)).all(axis=1)) for a, b in self._boxes]
         room = _ROOM * ground.size
         while True:
             cells, count = _cells(x, y, self._grid.resolution, ground, label), 0
@@ -150,7 +151,7 @@ class WorldColumns:
             found = Crossings(
                 numbers[0], np.empty(room), np.empty(room, np.int8), numbers[1], np.empty(room, np.uint32)
             )
-            for (copies, *_), rows in zip(self._copies, near, strict=True):
+            for copies, rows in zip(self._copies, near, strict=True):
                 count = drop_faces(self._faces, copies, rows, cells, found, count)
             if count <= room:
                 break
