@@ -107,6 +107,7 @@ from .world.build import load_world as load_world
 from .world.environments import list_environments as list_environments
 from .world.model import MeshPart as MeshPart
 from .world.model import World as World
+from .world_maps import write_map as write_map
 
 __all__: list[str]
 __version__: str

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.kernels.compile import inlined, kernel
 
-SOLID, FLEXIBLE, PASSABLE, PLANT, HARD, FOOT = (1 << k for k in range(6))
-"""Flags of faces: of a solid or flexible body, a leaf; of a plant; ground that faces up, at any height or as a root."""
+SOLID, FLEXIBLE, PASSABLE, PLANT, HARD, FOOT, CAP = (1 << k for k in range(7))
+"""Flags of faces: of a solid or flexible body, a leaf; of a plant; ground that faces up, at any height or as a root; and
+those that close a body and are not of the world."""
 FOOT_HEIGHT: Final = 0.165  # [m] up to which roots are ground: a wheel's axle, as in ``drive.ground``
 LOW: Final = 0.1  # [m] above the bare ground, from which on a solid body is an obstacle
 REACH: Final = 2.0  # [m] above the bare ground, up to which volumes and obstacles count
@@ -45,7 +46,7 @@ class Copies(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Heights (n, m) [m], NaN where there is none, with class and instance ids."""
+    """Heights (n, m) [m], NaN where nothing is, with class and instance ids."""
 
     z: Array
     label: NDArray[np.uint8]
@@ -183,29 +184,31 @@ def drop_faces(faces: Faces, copies: Copies, near: Index, cells: Cells, found: C
 @kernel
 def walk_columns(faces: Faces, cells: Cells, found: Crossings, order: Index) -> None:
     """Go up the lines through the bodies; ``order`` sorts the crossings by cell, and then by height."""
-    last, below, entered, solid, flexible = np.int64(-1), -np.inf, np.int64(-1), 0, 0
+    last, below, solid, flexible = np.int64(-1), -np.inf, 0, 0
     for row in order:
         z, at = found.z[row], (found.cell[row] // cells.ground.shape[1], found.cell[row] % cells.ground.shape[1])
+        flags, label, instance = faces.flags[found.face[row]], faces.label[found.face[row]], found.instance[row]
+        soil, level = cells.ground[at], cells.hard.z[at] + _GAP
         if found.cell[row] != last:
-            last, solid, flexible = found.cell[row], 0, 0
-        if solid != 0 or flexible != 0:
-            soil, level = cells.ground[at], cells.hard.z[at] + _GAP
-            length = max(0.0, min(z, soil + REACH) - max(below, soil))
-            if solid != 0:
-                cells.solid[at] += length
-                if z >= soil + LOW and below <= soil + REACH:
-                    cells.obstacle[at] = 1
-            else:
-                cells.flexible[at] += length
-            if z > level and np.isnan(cells.overhang.z[at]):  # inside a body, it begins at the ground
-                own = entered if below > level else row
-                bottom = below if below > level else cells.hard.z[at]
-                _put(cells.overhang, at, bottom, faces.label[found.face[own]], found.instance[own])
-        if faces.flags[found.face[row]] & SOLID:
+            last, below, solid, flexible = found.cell[row], -np.inf, 0, 0
+        inside = solid != 0 or flexible != 0
+        length = max(0.0, min(z, soil + REACH) - max(below, soil))
+        if solid != 0:
+            cells.solid[at] += length
+            if z >= soil + LOW and below <= soil + REACH:
+                cells.obstacle[at] = 1
+        elif inside:
+            cells.flexible[at] += length
+        if z > level and np.isnan(cells.overhang.z[at]):
+            if inside and below <= level:  # it begins at the ground
+                _put(cells.overhang, at, cells.hard.z[at], label, instance)
+            elif flags & CAP == 0:
+                _put(cells.overhang, at, z, label, instance)
+        if flags & SOLID:
             solid += found.step[row]
         else:
             flexible += found.step[row]
-        below, entered = z, row
+        below = z
 
 
 @kernel(allocates=True)

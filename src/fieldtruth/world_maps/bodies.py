@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.kernels.columns import FLEXIBLE, FOOT, HARD, PASSABLE, PLANT, SOLID, Copies, Faces
+from fieldtruth.kernels.columns import CAP, FLEXIBLE, FOOT, HARD, PASSABLE, PLANT, SOLID, Copies, Faces
 from fieldtruth.world.model import LOOSE, Mesh, World
 
 PLANTS: Final = (Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS)
@@ -80,7 +80,7 @@ def _closed(world: World, mesh: Mesh) -> tuple[Float32Array, _Rows, _Bytes, _Byt
     flags = kind + PLANT * np.isin(label, PLANTS) + HARD * np.isin(label, GROUNDS)
     flags += FOOT * ((label == Label.TRUNK) & (kind == SOLID))
     cap = body[joined]
-    labels, all_flags = np.concatenate([label, label[cap]]), np.concatenate([flags, kind[cap]])
+    labels, all_flags = np.concatenate([label, label[cap]]), np.concatenate([flags, kind[cap] + CAP])
     return vertices, np.concatenate([corners, caps]), labels, all_flags.astype(np.uint8)
 
 
