@@ -299,6 +299,8 @@ class Rays:
         self.height = np.full(len(start), np.nan)
         rays, first = np.unique(self._ray, return_index=True)
         self.height[rays] = self._z[first]
+        self.lowest = np.full(len(start), np.inf)
+        np.minimum.at(self.lowest, self._ray, self._z)
 
     def differ(self, heights: NDArray[Any], label: NDArray[np.uint8], instance: NDArray[np.uint32]) -> Mask:
         """Rays (n,) that meet nothing of a class and instance within 1 mm of a height; if NaN, nothing for sure."""
@@ -326,7 +328,7 @@ def compare(world: World, grid: Grid, made: Layers, count: int, seed: int) -> di
     own["ground_instance"] = np.ones(count, np.uint32)
     wrong = {name: each.differ(*(own[name + k] for k in ("", "_class", "_instance"))) for name, each in rays.items()}
     wrong["hard_ground"] &= own["hard_ground_class"] != Label.TRUNK  # roots
-    wrong["plant_top"] &= ~(np.isnan(own["plant_top"]) & (rays["plant_top"].height <= own["ground"]))  # roots of herbs
+    wrong["plant_top"] &= ~(np.isnan(own["plant_top"]) & (rays["plant_top"].lowest <= own["ground"]))  # roots of herbs
     wrong["overhang"] &= own["overhang"] != own["hard_ground"]  # inside a body
     return {name: (count, int(np.isfinite(rays[name].height).sum()), int(wrong[name].sum())) for name in rays}
 

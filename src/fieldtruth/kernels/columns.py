@@ -15,8 +15,8 @@ from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.kernels.compile import inlined, kernel
 
 SOLID, FLEXIBLE, PASSABLE, PLANT, HARD, FOOT, CAP = (1 << k for k in range(7))
-"""Flags of faces: of a solid or flexible body, a leaf; of a plant; ground that faces up, at any height or as a root; and
-those that close a body and are not of the world."""
+"""Flags of faces: of a solid or flexible body, leaf; of a plant; ground that faces up, at any height or as a root; not
+in the world, but added to close a body."""
 FOOT_HEIGHT: Final = 0.165  # [m] up to which roots are ground: a wheel's axle, as in ``drive.ground``
 LOW: Final = 0.1  # [m] above the bare ground, from which on a solid body is an obstacle
 REACH: Final = 2.0  # [m] above the bare ground, up to which volumes and obstacles count

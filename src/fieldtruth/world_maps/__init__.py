@@ -16,7 +16,7 @@ import numpy as np
 
 from fieldtruth.core.errors import ConfigurationError, OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, output_path, remove
-from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.core.parallel import check_memory, cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.files import ABOUT, FORMATS, MadeMap
@@ -141,6 +141,8 @@ def _check_size(target: Path, to: str, grid: Grid, stored: Sequence[str], wanted
         raise OutputError(f"cannot write {target}: it needs {figures}, for a map {less}")
     if output > most:
         raise OutputError(f"{to} holds at most {most / 1e9:g} GB, got {output / 1e9:.1f} GB for a map {less}")
+    if most < np.inf:  # it is in memory as a whole
+        check_memory(3 * output, f"{to} of a map {less.partition(';')[0]}", less.partition("; ")[2])
 
 
 def _tiles(grid: Grid, side: int) -> Iterator[tuple[slice, slice]]:

@@ -76,8 +76,8 @@ def local_crs(origin: Origin) -> str:
     """
     w = 1.0 - _ECCENTRICITY2 * np.sin(np.radians(origin.latitude)) ** 2
     radius = _SEMI_MAJOR * np.sqrt(1.0 - _ECCENTRICITY2) / w
-    scale = float(1.0 + origin.height / radius)
-    return f"+proj=tmerc +lat_0={origin.latitude!r} +lon_0={origin.longitude!r} +k={scale!r} +datum=WGS84 +units=m"
+    at = f"+lat_0={origin.latitude:.12f} +lon_0={origin.longitude:.12f} +k={1.0 + origin.height / radius:.15f}"
+    return f"+proj=tmerc {at} +datum=WGS84 +units=m"
 
 
 def _write_geotiff(made: MadeMap, target: Path) -> None:
