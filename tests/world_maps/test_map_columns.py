@@ -236,7 +236,7 @@ Keep = Callable[[Material, Mesh], bool]
 
 
 def is_stone(material: Material, mesh: Mesh) -> bool:
-    return material.label in (Label.GROUND, Label.TRAIL, Label.ROCK)
+    return material.label in (Label.GROUND, Label.TRAIL, Label.ROCK) and not material.translucency and not mesh.passable
 
 
 def is_plant(material: Material, mesh: Mesh) -> bool:

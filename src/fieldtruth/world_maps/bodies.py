@@ -77,7 +77,7 @@ def _closed(world: World, mesh: Mesh) -> tuple[Float32Array, _Rows, _Bytes, _Byt
     thickness = np.full(len(label), np.inf)
     thickness[body] = thickness_of(vertices.astype(np.float64), corners[body], caps, joined)
     kind = kinds_of(label, leaf, thickness)
-    flags = kind + PLANT * np.isin(label, PLANTS) + HARD * np.isin(label, GROUNDS)
+    flags = kind + PLANT * np.isin(label, PLANTS) + HARD * (np.isin(label, GROUNDS) & ~leaf)
     flags += FOOT * ((label == Label.TRUNK) & (kind == SOLID))
     cap = body[joined]
     labels, all_flags = np.concatenate([label, label[cap]]), np.concatenate([flags, kind[cap] + CAP])
