@@ -25,7 +25,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputEr
 from fieldtruth.core.geodesy import Origin, geodetic_from_world
 from fieldtruth.world import build
 from fieldtruth.world.model import World
-from fieldtruth.world_maps import write_map
+from fieldtruth.world_maps import check_layers, write_map
 from fieldtruth.world_maps.files import local_crs
 from fieldtruth.world_maps.layers import LAYERS
 
@@ -151,6 +151,13 @@ def test_an_area_is_a_part_of_the_map(world: World, layers: dict[str, NDArray[An
     with np.load(path) as file:
         assert "overhang" not in file.files
         np.testing.assert_allclose(file["ground"], layers["ground"][100:140, 60:], atol=1e-6)
+
+
+def test_a_coarse_map_leaves_out_the_waves_that_its_cells_cannot_hold() -> None:
+    left_out = [name for name in LAYERS if name not in check_layers(None, 0.2, "npz")]
+    assert left_out == ["roughness_20_50cm", "roughness_50_150cm"]
+    assert check_layers(None, 0.05, "npz") == list(LAYERS)
+    assert check_layers(["slope", "ground", "slope"], 1.0, "npz") == ["slope", "ground"]
 
 
 REFUSED = [
