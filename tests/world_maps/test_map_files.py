@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps as files, read back by GDAL, rosbags, Pillow, PyYAML and NumPy; and what is refused."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -211,11 +210,15 @@ def test_a_map_is_replaced_if_asked_and_no_other_folder_is(world: World, tmp_pat
         write_map(world, out, **options)
     write_map(world, out, **{**options, "layers": ["slope"]}, overwrite=True)
     assert {path.name for path in out.iterdir()} == {"slope.tif", "map.yaml"}
-    (tmp_path / "mine").mkdir()
-    with pytest.raises(OutputError, match="does not hold a map"):
-        write_map(world, tmp_path / "mine", **options, overwrite=True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["map", "mine"]
-    shutil.rmtree(out)
+    for name in ("notes.txt", "map.yaml"):
+        mine = tmp_path / "mine"
+        mine.mkdir(exist_ok=True)
+        (mine / name).touch()
+        with pytest.raises(OutputError, match="is a folder that holds no map, or more than a map"):
+            write_map(world, mine, **options, overwrite=True)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == [
+        "map", "map.yaml", "map.yaml", "mine", "notes.txt", "slope.tif",
+    ]  # fmt: skip
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ RESOLUTION: Final = 0.05
 _RESOLUTIONS: Final = (0.001, 100.0)
 _TILE: Final = 256  # cells along the side of a tile of columns
 _BLOCK: Final = 1024  # cells along the side of a tile of filters, which see what is around it
+_OWN: Final = (".tif", ".pgm", ".yaml")  # endings of the files of a map that is a folder
 _SPARE: Final = 100_000_000  # bytes that stay free on the disk
 
 
@@ -89,8 +90,8 @@ def check_map(stem: str, out: Path | str | None = None, *, to: str, overwrite: b
         raise UnknownNameError("format", to, FORMATS)
     suffix, library = FORMATS[to].suffix, FORMATS[to].library
     target = output_path(stem + suffix if out is None else out, single="." in suffix, overwrite=overwrite)
-    if target.is_dir() and not (target / ABOUT).is_file():
-        raise OutputError(f"{target} is a folder that does not hold a map; choose another --out")
+    if target.is_dir() and not ((target / ABOUT).is_file() and all(each.suffix in _OWN for each in target.iterdir())):
+        raise OutputError(f"{target} is a folder that holds no map, or more than a map; choose another --out")
     if library and find_spec(library) is None:
         raise OutputError(f"{to} needs a library that is not installed; run: pip install 'fieldtruth[maps]'")
     return target
