@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def own_memory() -> int:
-    """Memory [byte] of this process that is no file."""
+    """Memory [byte] of this process, without files that are mapped."""
     lines = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return int(lines["RssAnon"].split()[0]) * 1024
 
