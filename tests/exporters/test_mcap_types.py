@@ -25,7 +25,7 @@ from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.exporters import export
-from fieldtruth.exporters.mcap import Ros2Types
+from fieldtruth.exporters.mcap import converted, types_of
 
 
 def states(names: list[str], start: float) -> Any:
@@ -44,11 +44,12 @@ def states(names: list[str], start: float) -> Any:
 def test_model_states_match_rosbags_when_objects_change(bag: Path) -> None:
     """The fast conversion of ModelStates gives the bytes of rosbags' serialisation."""
     with open_bag(bag) as stored:
-        convert = Ros2Types(stored).converter()
+        types = types_of(stored)
     for names in (["a"], ["a"], ["bc", "d"], ["bc", "e"], ["ä", "0123456", "01234567"], [], ["bc", "e"], ["ebc"]):
         message = states(names, 100.0 * len(names))
         raw = RawMessage(5, "/gazebo/model_states", STATES, bytes(NOETIC.serialize_ros1(message, STATES)))
-        assert bytes(convert(raw)) == bytes(HUMBLE.serialize_cdr(message, STATES, little_endian=True)), names
+        made = bytes(converted(types, raw, bag))
+        assert made == bytes(HUMBLE.serialize_cdr(message, STATES, little_endian=True)), names
 
 
 CUSTOM = """

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path, PurePath
 from typing import Final, NamedTuple
 
@@ -125,6 +125,61 @@ class ModelStatesConverter:
             self._known = data[: len(data) - 104 * count - gap], whole[: len(whole) - 104 * count - new_gap], count
             return whole
         return b"".join((names, data[at:middle], number.ljust(new_gap, b"\0"), data[middle + gap :]))
+
+
+class Ros2Types:
+    """Types of ROS 1 as ROS 2 Humble defines them, and their messages as CDR; types that ROS 2 lacks are copied.
+
+    For all types that fieldtruth writes, definitions and hashes are the same in every release from Dashing to Kilted.
+
+    Args:
+        ros1: has the types.
+        msgtypes: their names.
+        source: for messages of errors.
+
+    Raises:
+        BagError: a definition cannot be read, or contradicts the one of ROS 2 with the same name.
+    """
+
+    def __init__(self, ros1: Typestore, msgtypes: Iterable[str], source: str) -> None:
+        self._ros1 = ros1
+        self.store = get_typestore(Stores.ROS2_HUMBLE)
+        """The types of ROS 2."""
+        self._same, self._defaults = dict[str, bool](), dict[str, object]()
+        self._model_states = ModelStatesConverter(partial(self._same_fields, MODEL_STATES), (ROS1_GAP, ROS2_GAP))
+        for msgtype in sorted(msgtypes):
+            try:
+                self._copy_if_missing(msgtype)
+                self._same[msgtype] = is_same_wireformat(self._ros1, self.store, msgtype, msgtype)
+            except (TypesysError, KeyError) as error:
+                raise BagError(f"{source}: cannot convert {msgtype} to ROS 2: {error}") from error
+
+    def definition(self, msgtype: str) -> str:
+        """Return the text of a type's definition with those it contains (``ros2msg``)."""
+        return self.store.generate_msgdef(msgtype, ros_version=2)[0]
+
+    def digest(self, msgtype: str) -> str:
+        """Return the RIHS01 hash of a type (REP-2016)."""
+        return self.store.hash_rihs01(msgtype)
+
+    def cdr(self, msgtype: str, data: bytes) -> bytes | memoryview:
+        """Return a message of ROS 1 as CDR; raises any error for a damaged one."""
+        if not self._same[msgtype]:
+            types = self._ros1, self.store, msgtype, msgtype
+            return migrate_bytes(*types, self._defaults, data, src_is2=False, dst_is2=True)
+        return self._model_states(data) if msgtype == MODEL_STATES else self._same_fields(msgtype, data)
+
+    def _copy_if_missing(self, msgtype: str) -> None:
+        """Define a type as ROS 1 does, unless ROS 2 has one with this name."""
+        if msgtype in self.store.fielddefs:
+            return
+        text, _ = self._ros1.generate_msgdef(msgtype, ros_version=2)
+        types = get_types_from_msg(text, msgtype)
+        self.store.register({name: fields for name, fields in types.items() if name not in self.store.fielddefs})
+
+    def _same_fields(self, msgtype: str, data: bytes) -> bytes:
+        """Convert a message of a type with the same fields in the same order: only alignment and lengths differ."""
+        return bytes(self.store.ros1_to_cdr(data, msgtype))
 
 
 class Encoding(NamedTuple):

@@ -129,6 +129,8 @@ class Drive:
         self.robot = SimulatedRobot(world, self._rig, self._monitor, soil)
         self.end: float = math.inf
         """Physics step at which the drive ends: infinite until it is limited, or the last waypoint is reached."""
+        self.endless = False
+        """True: a robot that has reached the last waypoint stands there, and the drive does not end by it."""
         self._state = self.robot.spawn(
             horizontal_from_geodetic(route.start, world.origin), self._follower.waypoints_xy[0]
         )
@@ -217,7 +219,7 @@ class Drive:
         """Drive to the next period of control, at most to a step; return False at that step, or behind the end."""
         robot, began, rate = self.robot, self.robot.steps, self._rig.first(Inertial).rate_hz
         begins = began == due_step(rate, self._periods)
-        if begins and self._follower.finished and not self._arrived:
+        if begins and self._follower.finished and not self._arrived and not self.endless:
             self._arrived, self.end = True, min(self.end, began + round(STOP_SECONDS / STEP_S))
         last = self.end + self._sweep
         if began >= min(step, last):

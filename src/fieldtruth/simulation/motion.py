@@ -342,10 +342,11 @@ class GrowingMotion(ABC):
 
 
 class LiveMotion(GrowingMotion):
-    """The drive of a robot in the physics."""
+    """The drive of a robot in the physics; an endless one does not end at the last waypoint."""
 
-    def __init__(self, world: World, experiment: Experiment, route: RouteConfig) -> None:
+    def __init__(self, world: World, experiment: Experiment, route: RouteConfig, *, endless: bool = False) -> None:
         self._drive = Drive(world, experiment, route)
+        self._drive.endless = endless
         self._drive.limit(experiment.seconds)
         self._motion, self._wheels = self._drive.drive_to(0)
         self._start = pose_from_quaternion_wxyz(*self.robot.pose)
@@ -429,7 +430,12 @@ class GivenMotion(GrowingMotion):
 
 
 def motion_of(
-    world: World, experiment: Experiment, given: TrackFile | None, route: RouteConfig | None
+    world: World,
+    experiment: Experiment,
+    given: TrackFile | None,
+    route: RouteConfig | None,
+    *,
+    endless: bool = False,
 ) -> GrowingMotion:
     """Put the robot at the start of a route that was planned, or find the poses that are given.
 
@@ -437,5 +443,5 @@ def motion_of(
         RouteError, TrackError: as ``track_in``.
     """
     if given is None and experiment.frames is None and route is not None:
-        return LiveMotion(world, experiment, route)
+        return LiveMotion(world, experiment, route, endless=endless)
     return GivenMotion(track_in(world, experiment, given))

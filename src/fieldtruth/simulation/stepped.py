@@ -17,18 +17,19 @@ from typing import Any, NamedTuple
 
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core import transforms
-from fieldtruth.core.errors import ConfigurationError, DriveError
+from fieldtruth.core.errors import ConfigurationError, DriveError, UnknownNameError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import experiments_in, plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Track, state_at
-from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.config import Experiment, RouteConfig, route_from_metres
 from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.ontology import check_others
 from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene, given_world
@@ -48,6 +49,8 @@ from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.classes import CLASSES_KEY, as_layout, classes_of
 from fieldtruth.world.model import World
 
+_AHEAD: float = 3.0
+"""[m] from a start to the waypoint that gives the robot its heading; so far the way must be free."""
 _FREE: float = 2.0
 """[m] from the end of the route in a world without an experiment to the world's edge."""
 
@@ -200,6 +203,8 @@ class Simulation:
         self._due: list[DueReadings] = []
         self._sensors: dict[str, Sensor] = {}
         self._failed = ""
+        self.endless = False
+        """True: from the next ``reset`` on, a drive does not end at the last waypoint, where the robot then stands."""
 
     @property
     def experiment(self) -> Experiment:
@@ -243,6 +248,11 @@ class Simulation:
         return bool(self._failed) or (self._motion is not None and self._motion.ended)
 
     @property
+    def track(self) -> Track:
+        """The true motion that is known: of the last step, and as far back as readings that are not complete need."""
+        return self._ready()[1].known()
+
+    @property
     def track_file(self) -> TrackFile | None:
         """The poses that the experiment follows, if it has a track file."""
         return self._given.track
@@ -270,15 +280,17 @@ class Simulation:
             self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
         return self._sensor_world
 
-    def reset(self, seed: int | None = None) -> Frame:
+    def reset(self, seed: int | None = None, start: tuple[float, float, float] | None = None) -> Frame:
         """Put the robot at its start, at time 0, and return a frame with its pose and without readings.
 
         Args:
             seed: of the experiment: its world, unless one was given, and the errors of all sensors with a signal or a
                 clock. None: that of the last reset, at first the experiment's. Worlds are cached on the disk.
+            start: where the robot is put in place of the route's start: x, y [m] and heading [rad], 0 along x. From
+                there the follower drives to the route's first waypoint, and nothing looks what is in between.
 
         Raises:
-            RouteError: the route cannot be driven in this world.
+            RouteError: the route cannot be driven in this world, or there is no room at ``start``.
             DriveError: the robot does not come to rest at the start.
         """
         if seed is not None and seed != self._experiment.seed:
@@ -287,7 +299,8 @@ class Simulation:
         world = self.world
         if self._route is None and made.route is not None and made.frames is None:
             self._route = plan_route(world, made)
-        self._motion = motion_of(world, made, self._given.track, self._route)
+        route = self._route if start is None else self._route_from(start)
+        self._motion = motion_of(world, made, self._given.track, route, endless=self.endless)
         stands = self._motion.stands
         self._due = [
             DueReadings(config, made.rig, made.seed, stands)
@@ -297,6 +310,16 @@ class Simulation:
         ]
         self._sensors, self._failed = {}, ""
         return frame_of(0, self._motion.world_from_base, ())
+
+    def _route_from(self, start: tuple[float, float, float]) -> RouteConfig:
+        """Return the route with another start, whose first waypoint is ahead of it."""
+        made, (x, y, heading) = self._experiment, start
+        if self._route is None or not all(map(math.isfinite, start)):
+            raise ConfigurationError(f"start must be x, y and heading of a robot that drives a route, got {start!r}")
+        ahead = x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading)
+        begin = route_from_metres((x, y), [ahead], self.world.origin)
+        plan_route(self.world, made.model_copy(update={"route": begin}))
+        return begin.model_copy(update={"waypoints": begin.waypoints + self._route.waypoints})
 
     def step(
         self,
@@ -355,6 +378,24 @@ class Simulation:
             if output.name in wanted:
                 found.append((at.stamp_ns, output.name, self._sensor(sensor_world, name).read(output, at)))
         return [(name, reading) for _, name, reading in sorted(found, key=lambda each: each[0])]
+
+    def messages(self, name: str, reading: Any) -> Iterator[tuple[Topic, bytes]]:
+        """Yield the messages of a reading of a frame, as the bag has them, with their topics.
+
+        Raises:
+            UnknownNameError: no sensor has such a reading.
+        """
+        outputs = {
+            output.name: (config, output)
+            for config in self._experiment.rig.in_order()
+            for output in config.outputs_on(self._experiment.rig.robot)
+        }
+        if name not in outputs:
+            raise UnknownNameError("reading", name, outputs)
+        config, output = outputs[name]
+        number = round(reading.stamp_ns * output.rate_hz / 1e9) - 1
+        made = self._sensor(self._built(), config.name).messages(output, number, reading)
+        return zip(output.topics, made, strict=True)
 
     def save(self) -> SimulationState:
         """Return what ``restore`` needs to go on from here, with the same bits."""
