@@ -142,17 +142,21 @@ class Ros2Types:
     """
 
     def __init__(self, ros1: Typestore, msgtypes: Iterable[str], source: str) -> None:
-        self._ros1 = ros1
+        self._ros1, self._source = ros1, source
         self.store = get_typestore(Stores.ROS2_HUMBLE)
         """The types of ROS 2."""
         self._same, self._defaults = dict[str, bool](), dict[str, object]()
         self._model_states = ModelStatesConverter(partial(self._same_fields, MODEL_STATES), (ROS1_GAP, ROS2_GAP))
+        self.add(msgtypes)
+
+    def add(self, msgtypes: Iterable[str]) -> None:
+        """Add more types; raises as the class does."""
         for msgtype in sorted(msgtypes):
             try:
                 self._copy_if_missing(msgtype)
                 self._same[msgtype] = is_same_wireformat(self._ros1, self.store, msgtype, msgtype)
             except (TypesysError, KeyError) as error:
-                raise BagError(f"{source}: cannot convert {msgtype} to ROS 2: {error}") from error
+                raise BagError(f"{self._source}: cannot convert {msgtype} to ROS 2: {error}") from error
 
     def definition(self, msgtype: str) -> str:
         """Return the text of a type's definition with those it contains (``ros2msg``)."""

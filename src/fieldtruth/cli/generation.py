@@ -118,7 +118,8 @@ def _status_text(folder: Path, states: "Sequence[State]") -> str:
     return "\n".join([head, *rows])
 
 
-def _checked_experiment(name_or_path: str) -> "Experiment":
+def checked_experiment(name_or_path: str) -> "Experiment":
+    """Return an experiment by its name or file; raises as ``load_experiment`` and ``check_experiment``."""
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.world.build import check_experiment
 
@@ -135,7 +136,7 @@ def _generate(options: argparse.Namespace) -> int | None:
         return _generate_campaign(options, _engine(options))
     check_known(options.experiment)
     _refuse_campaign_options(options)
-    experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
+    experiment = with_overrides(checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
     from fieldtruth.pipeline import generate_by
@@ -280,7 +281,7 @@ def _shares(options: argparse.Namespace) -> None:
     names = options.experiments
     if names in (["all"], ["every"]):
         names = campaign_experiments(every=names == ["every"])
-    experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
+    experiments = [with_overrides(checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.report.shares import shares_of, shares_table
 
     with show_progress() as progress:

@@ -35,6 +35,7 @@ _CHUNK_SIZE: Final = 4 * 2**20
 """Bytes of messages per chunk, which is what a viewer decompresses to show one instant."""
 _FOREVER: Final = QosTime(9223372036, 854775807)
 
+
 class _Channel(NamedTuple):
     """A topic as rosbag2 describes it."""
 

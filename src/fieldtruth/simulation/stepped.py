@@ -248,6 +248,11 @@ class Simulation:
         return bool(self._failed) or (self._motion is not None and self._motion.ended)
 
     @property
+    def failed(self) -> str:
+        """Why the drive ended before its end; empty if it did not."""
+        return self._failed
+
+    @property
     def track(self) -> Track:
         """The true motion that is known: of the last step, and as far back as readings that are not complete need."""
         return self._ready()[1].known()
@@ -279,6 +284,15 @@ class Simulation:
             world = world_of(self._experiment) if self._own_world is None else self._own_world
             self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
         return self._sensor_world
+
+    def prepare(self) -> None:
+        """Build the scene, and the light if a sensor needs it, for which the first reading would wait."""
+        sensor_world, read = self._built(), {name.partition("/")[0] for name in self.wanted}
+        configs = [config for config in self._experiment.rig.in_order() if config.name in read and config.sees]
+        if configs:
+            sensor_world.scene  # noqa: B018
+        if any(sensor_class(config).needs_light for config in configs):
+            sensor_world.baked  # noqa: B018
 
     def reset(self, seed: int | None = None, start: tuple[float, float, float] | None = None) -> Frame:
         """Put the robot at its start, at time 0, and return a frame with its pose and without readings.

@@ -1,0 +1,198 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The loop of a live simulation: step, send, and wait for the wall clock.
+
+If a step takes longer than its share of the wall clock, simulated time is slower: no reading to which somebody listens
+is left out. What nobody listens to is not sensed.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import Final
+
+from fieldtruth.core.errors import ConfigurationError, DriveError, FieldtruthError
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import Topic
+from fieldtruth.live.commands import Inbox, Pause, Request, Reset, Step
+from fieldtruth.live.messages import Message, StepMessages, outputs_wanted
+from fieldtruth.simulation.stepped import Simulation
+from fieldtruth.world.model import World
+
+STEP_S: Final = 0.02
+"""Simulated time [s] of a step, the period of /tf: a command waits at most so long."""
+_IDLE_S: Final = 0.01
+"""Wall clock [s] between two looks for commands in a pause."""
+_CATCH_UP_S: Final = 0.2
+"""Wall clock [s] by which simulated time may be late and still catch up."""
+_SCREEN_S: Final = 1.0
+LOOPBACK: Final = "127.0.0.1"
+"""Where sinks listen by default: nobody but this machine reaches them."""
+
+
+class Sink(ABC):
+    """What messages go to and commands come from: a server, or a node of ROS. It is open from the start."""
+
+    where: str
+    """Where it listens and who can reach it, for the first line on the screen."""
+
+    @abstractmethod
+    def advertise(self, topics: Sequence[Topic]) -> None:
+        """Say what will be sent; called once."""
+
+    def show(self, world: World, rig: Rig) -> None:  # noqa: B027 most have nothing to show
+        """Show the world and the robot, where that is not done by messages; called when time begins anew."""
+
+    @abstractmethod
+    def wants(self, topic: str) -> bool:
+        """Return whether anybody listens to a topic."""
+
+    @abstractmethod
+    def send(self, message: Message) -> None:
+        """Send a message; of a latched topic it is kept for those who listen later."""
+
+    def poll(self) -> None:  # noqa: B027 most are called
+        """Look for commands that have arrived; called often, also in pauses."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End in order."""
+
+
+class Pace:
+    """Holds simulated time back to a rate, and measures its factor of real time.
+
+    Args:
+        rate: simulated seconds in a second; 0 for as fast as it goes.
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.rate, self.factor = rate, 0.0
+        """``factor``: simulated time by wall clock, over the last second."""
+        self.begin(0.0)
+
+    def begin(self, now_s: float) -> None:
+        """Go on from a simulated time [s] now."""
+        wall = time.monotonic()
+        self._origin, self._seen = (now_s, wall), (now_s, wall)
+
+    def wait(self, now_s: float) -> bool:
+        """Wait until a simulated time [s] is due; return whether the factor is new."""
+        if self.rate:
+            began_s, wall = self._origin
+            late_s = time.monotonic() - (wall + (now_s - began_s) / self.rate)
+            if late_s < 0.0:
+                time.sleep(-late_s)
+            elif late_s > _CATCH_UP_S:
+                self._origin = began_s, wall + late_s
+        since, (seen_s, wall) = time.monotonic(), self._seen
+        if since - wall < _SCREEN_S:
+            return False
+        self.factor, self._seen = (now_s - seen_s) / (since - wall), (now_s, since)
+        return True
+
+
+class Live:
+    """A simulation that runs until Ctrl-C, or the end of its experiment.
+
+    Args:
+        simulation: without a last waypoint, at which it would end.
+        sink: gets the messages.
+        inbox: has the commands.
+        rate: as in ``Pace``.
+        say: prints a line.
+    """
+
+    def __init__(
+        self, simulation: Simulation, sink: Sink, inbox: Inbox, rate: float, say: Callable[[str], None]
+    ) -> None:
+        self._simulation, self._sink, self._inbox, self._say = simulation, sink, inbox, say
+        self.pace, self._paused, self._until_s = Pace(rate), False, 0.0  # [s]: a pause begins, or began, at that time
+        simulation.endless = True
+        simulation.reset()
+        simulation.prepare()
+        self._messages = StepMessages(simulation)
+        sink.advertise(self._messages.topics)
+        sink.show(simulation.world, simulation.experiment.rig)
+
+    @property
+    def state(self) -> str:
+        """What is going on, for the screen."""
+        now = self._simulation.seconds
+        driver = "paused" if self._paused else "follower" if self._inbox.command(now) is None else "commanded"
+        return f"{now:.1f} s simulated, {self.pace.factor:.2f} of real time, {driver}"
+
+    def run(self, show: Callable[[str], None]) -> None:
+        """Run to the end of the experiment; ``show`` gets the state once a second."""
+        self.pace.begin(self._simulation.seconds)
+        while True:
+            self._sink.poll()
+            for request, answer in self._inbox.requests():
+                self._answer(request, answer)
+            now = self._simulation.seconds
+            if self._simulation.done and not self._simulation.failed:
+                return
+            if self._simulation.failed or (self._paused and now >= self._until_s - 1e-9):
+                time.sleep(_IDLE_S)
+                self.pace.begin(now)
+                continue
+            self._step(min(STEP_S, self._until_s - now) if self._paused else STEP_S)
+            if self.pace.wait(self._simulation.seconds):
+                show(self.state)
+
+    def _step(self, seconds: float) -> None:
+        made = self._simulation
+        wanted = {topic.name for topic in self._messages.topics if self._sink.wants(topic.name)}
+        command = None if made.track_file is not None else self._inbox.command(made.seconds)
+        since_ns = round(made.seconds * 1e9)
+        try:
+            frame = made.step(seconds, command, sensors=outputs_wanted(made.experiment, wanted))
+        except DriveError as error:
+            self._say(str(error))
+            return
+        for message in self._messages.of(frame, since_ns, wanted):
+            self._sink.send(message)
+
+    def _answer(self, request: Request, answer: "Future[str]") -> None:
+        try:
+            answer.set_result(self._done(request))
+        except FieldtruthError as error:
+            self._say(str(error))
+            answer.set_exception(error)
+
+    def _done(self, request: Request) -> str:
+        """Do what is asked, and say so."""
+        made = self._simulation
+        if isinstance(request, Reset):
+            self._reset(request)
+            return f"reset, seed {made.experiment.seed}"
+        if made.failed:
+            raise ConfigurationError("the drive has ended; reset begins another")
+        if isinstance(request, Step):
+            self._paused, self._until_s = True, max(self._until_s * self._paused, made.seconds) + request.seconds
+            return f"steps to {self._until_s:.3f} s"
+        assert isinstance(request, Pause)
+        self._paused, self._until_s = request.paused, made.seconds
+        return f"{'paused' if request.paused else 'goes on'} at {made.seconds:.3f} s"
+
+    def _reset(self, request: Reset) -> None:
+        made, world, seed = self._simulation, self._simulation.world, self._simulation.experiment.seed
+        try:
+            made.reset(request.seed, request.start)
+        except FieldtruthError:
+            if made.experiment.seed != seed:  # else the drive goes on
+                made.reset(seed)
+                self._begun(world)
+            raise
+        self._begun(world)
+
+    def _begun(self, before: World) -> None:
+        """Go on at time 0, in another world than before or in the same."""
+        self._inbox.forget()
+        self._until_s = 0.0
+        if self._simulation.world is not before:
+            self._simulation.prepare()
+            self._messages = StepMessages(self._simulation)
+        self._sink.show(self._simulation.world, self._simulation.experiment.rig)
+        self.pace.begin(0.0)

@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of the steps of a simulation: those of the bag, with the same types, topics, frames and bytes.
+
+The clock comes at the end of each step, and the states of the models at the rate of the other poses, not at that of the
+physics. /cmd_vel is not published: it is what is listened to.
+"""
+
+from collections.abc import Callable, Collection, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from fieldtruth.bag import messages, topics
+from fieldtruth.drive.track import STEP_NS, Stamps, count_at_rate, stamps_at_rate
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.simulation.due import Frame
+from fieldtruth.simulation.stepped import Simulation
+
+
+class Message(NamedTuple):
+    """A message as ROS 1 serialises it."""
+
+    stamp_ns: int
+    topic: str
+    data: bytes
+
+
+def outputs_wanted(experiment: Experiment, wanted: Collection[str]) -> list[str]:
+    """Return the names of the sensors' outputs with a topic that is wanted."""
+    rig = experiment.rig
+    outputs = (output for config in rig.in_order() for output in config.outputs_on(rig.robot))
+    return [output.name for output in outputs if any(topic.name in wanted for topic in output.topics)]
+
+
+class StepMessages:
+    """Makes the messages of the steps of a simulation, whose world is built."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        made, world = simulation.experiment, simulation.world
+        self._simulation, self._rig = simulation, made.rig
+        latched = topics.latches_objects(made, len(world.instances))
+        found = topics.topics_of_run(made, latched=latched)
+        self.topics = tuple(topic for topic in found if topic.name != topics.COMMANDS)
+        """What is published."""
+        self._objects = messages.ModelStatesWriter(world) if latched else None
+        self._states = messages.ModelStatesWriter(world, rows=2 if latched else None)
+        self._fixed = messages.fixed_transforms(made.rig, world.origin)
+
+    def of(self, frame: Frame, since_ns: int, wanted: Collection[str]) -> Iterator[Message]:
+        """Yield the messages of a step since a stamp [ns], in time order behind the clock, of topics that are wanted.
+
+        What is latched comes with the first step, also if nobody wants it yet.
+        """
+        yield Message(frame.stamp_ns, topics.CLOCK, messages.clocks(np.array([frame.stamp_ns]))[0])
+        if not since_ns:
+            yield from self._latched()
+        truth = self._truth(frame.stamp_ns, since_ns, wanted)
+        sensed = (
+            Message(reading.stamp_ns, topic.name, data)
+            for name, readings in frame.all.items()
+            for reading in readings
+            for topic, data in self._simulation.messages(name, reading)
+            if topic.name in wanted
+        )
+        yield from sorted([*truth, *sensed], key=lambda message: message.stamp_ns)
+
+    def _latched(self) -> Iterator[Message]:
+        yield Message(STEP_NS, topics.TF_STATIC, messages.tf_static(STEP_NS, self._fixed))
+        if self._objects is not None:
+            data = self._objects.message(0, self._simulation.track.motion)
+            yield Message(STEP_NS, topics.STATIC_MODEL_STATES, data)
+
+    def _truth(self, reached_ns: int, since_ns: int, wanted: Collection[str]) -> Iterator[Message]:
+        stamps = stamps_at_rate(topics.POSE_RATE, reached_ns, since_ns)
+        track = self._simulation.track
+        rows = np.searchsorted(track.motion.stamps_ns, stamps)
+        motion = track.motion.at(rows)
+        numbers: Stamps = count_at_rate(topics.POSE_RATE, since_ns) + np.arange(len(stamps))
+        made: dict[str, Callable[[], list[bytes]]] = {
+            topics.MODEL_STATES: lambda: [self._states.message(k, motion) for k in range(len(stamps))],
+            topics.ODOMETRY: lambda: messages.odometry(numbers, motion),
+            topics.TF: lambda: messages.tf(
+                numbers,
+                motion,
+                {} if track.base is None else messages.wheel_transforms(self._rig, track.base.wheels.angle[rows]),
+            ),
+        }
+        for topic in (topic for topic in made if topic in wanted):
+            for stamp, data in zip(stamps.tolist(), made[topic](), strict=True):
+                yield Message(stamp, topic, data)
