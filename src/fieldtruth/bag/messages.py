@@ -8,7 +8,7 @@ poses are exact. ROS reads zeros as "unknown", so a filter must be given its own
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -134,13 +134,19 @@ def odometry(seq: Any, motion: Motion) -> list[bytes]:
     )
 
 
-def wheel_transforms(rig: Rig, angles: Array) -> dict[str, Array]:
+def wheel_mounts(rig: Rig) -> list[Array]:
+    """Return base_from_wheel (4, 4) of wheels that have not turned, in the order of their frames."""
+    mounts = rig.mounts()
+    return [mounts[name].base_from_sensor for name in WHEEL_FRAMES if name in mounts]
+
+
+def wheel_transforms(mounts: Sequence[Array], angles: Array) -> dict[str, Array]:
     """Return base_from_wheel (..., 4, 4) by frame for the angles (..., wheels) [rad] of the wheels."""
-    mounts, turned = rig.mounts(), np.zeros((*angles.shape, 3))
+    turned = np.zeros((*angles.shape, 3))
     turned[..., 1] = np.rad2deg(angles)
     return {
-        name: mounts[name].base_from_sensor @ transforms.pose((0.0, 0.0, 0.0), turned[..., wheel, :])
-        for wheel, name in enumerate(WHEEL_FRAMES[: angles.shape[-1]])
+        WHEEL_FRAMES[wheel]: mount @ transforms.pose((0.0, 0.0, 0.0), turned[..., wheel, :])
+        for wheel, mount in enumerate(mounts[: angles.shape[-1]])
     }
 
 

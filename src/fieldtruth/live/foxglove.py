@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A WebSocket server for Foxglove: messages as in the bag, the world as boxes, teleoperation, and services.
 
-Clients may publish to the topics of commands, and call services of the same names, as JSON or as ROS 1 serialises them.
+Clients may publish to the topics of commands, as ROS 1 or JSON has them, and call services of the same names.
 """
 
-import json
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -103,10 +102,7 @@ class FoxgloveSink(Sink):
             return self._foxglove.MessageSchema(encoding="ros1", schema=made)
 
         def serve(request: Any) -> bytes:
-            asked = self._inbox.take_bytes(topic, msgtype, request.payload, request.encoding)
-            success, text = answer_of(asked)
-            if request.encoding == "json":
-                return json.dumps({"success": success, "message": text}).encode()
+            success, text = answer_of(self._inbox.take_bytes(topic, msgtype, request.payload))
             return bytes([success]) + text_field(text)
 
         wanted = schema(msgtype.replace("/msg/", "/"), STORE.generate_msgdef(msgtype)[0])

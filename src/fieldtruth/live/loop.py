@@ -2,21 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop of a live simulation: step, send, and wait for the wall clock.
 
-If a step takes longer than its share of the wall clock, simulated time is slower: no reading to which somebody listens
-is left out. What nobody listens to is not sensed.
+If that takes longer than its share of the wall clock, simulated time is slower: no reading to which somebody listens
+is left out. What nobody listens to is not sensed. Threads trace rays while the robot drives on, until the next reading
+of the same output is due: a cloud or an image arrives as long after its stamp as that takes, as from real drivers.
 """
 
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
 from fieldtruth.core.errors import ConfigurationError, DriveError, FieldtruthError
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.live.commands import Inbox, Pause, Request, Reset, Step
-from fieldtruth.live.messages import Message, StepMessages, outputs_wanted
+from fieldtruth.live.messages import Message, StepMessages, messages_of, outputs_wanted
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import World
 
@@ -108,6 +110,7 @@ class Live:
         self, simulation: Simulation, sink: Sink, inbox: Inbox, rate: float, say: Callable[[str], None]
     ) -> None:
         self._simulation, self._sink, self._inbox, self._say = simulation, sink, inbox, say
+        self._pool, self._sensing = ThreadPoolExecutor(cpu_count()), dict[str, Future[list[Message]]]()
         self.pace, self._paused, self._until_s = Pace(rate), False, 0.0  # [s]: a pause begins, or began, at that time
         simulation.endless = True
         simulation.reset()
@@ -131,9 +134,10 @@ class Live:
             for request, answer in self._inbox.requests():
                 self._answer(request, answer)
             now = self._simulation.seconds
-            if self._simulation.done and not self._simulation.failed:
-                return
-            if self._simulation.failed or (self._paused and now >= self._until_s - 1e-9):
+            if self._simulation.done or (self._paused and now >= self._until_s - 1e-9):
+                self._finish()
+                if self._simulation.done and not self._simulation.failed:
+                    return
                 time.sleep(_IDLE_S)
                 self.pace.begin(now)
                 continue
@@ -147,12 +151,29 @@ class Live:
         command = None if made.track_file is not None else self._inbox.command(made.seconds)
         since_ns = round(made.seconds * 1e9)
         try:
-            frame = made.step(seconds, command, sensors=outputs_wanted(made.experiment, wanted))
+            due = made.due(seconds, command, sensors=outputs_wanted(made.experiment, wanted))
         except DriveError as error:
             self._say(str(error))
             return
-        for message in self._messages.of(frame, since_ns, wanted):
+        for message in self._messages.of(since_ns, (each for each in due if each.known is not None), wanted):
             self._sink.send(message)
+        for each in due:
+            if each.known is None:
+                self._send_sensed(each.output.name)
+                self._sensing[each.output.name] = self._pool.submit(messages_of, each, wanted)
+        for name in [name for name, sensing in self._sensing.items() if sensing.done()]:
+            self._send_sensed(name)
+
+    def _send_sensed(self, name: str) -> None:
+        """Send the last reading of an output, for which simulated time waits, if it is not sent yet."""
+        if name in self._sensing:
+            for message in self._sensing.pop(name).result():
+                self._sink.send(message)
+
+    def _finish(self) -> None:
+        """Send what is being sensed."""
+        for name in [*self._sensing]:
+            self._send_sensed(name)
 
     def _answer(self, request: Request, answer: "Future[str]") -> None:
         try:
@@ -177,6 +198,7 @@ class Live:
         return f"{'paused' if request.paused else 'goes on'} at {made.seconds:.3f} s"
 
     def _reset(self, request: Reset) -> None:
+        self._finish()
         made, world, seed = self._simulation, self._simulation.world, self._simulation.experiment.seed
         try:
             made.reset(request.seed, request.start)

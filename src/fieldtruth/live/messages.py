@@ -6,7 +6,7 @@ The clock comes at the end of each step, and the states of the models at the rat
 physics. /cmd_vel is not published: it is what is listened to.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ import numpy as np
 from fieldtruth.bag import messages, topics
 from fieldtruth.drive.track import STEP_NS, Stamps, count_at_rate, stamps_at_rate
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.simulation.due import Frame
-from fieldtruth.simulation.stepped import Simulation
+from fieldtruth.simulation.stepped import DueReading, Simulation
 
 
 class Message(NamedTuple):
@@ -33,12 +32,17 @@ def outputs_wanted(experiment: Experiment, wanted: Collection[str]) -> list[str]
     return [output.name for output in outputs if any(topic.name in wanted for topic in output.topics)]
 
 
+def messages_of(due: DueReading, wanted: Collection[str]) -> list[Message]:
+    """Sense a reading, and return its messages that are wanted."""
+    return [Message(due.at.stamp_ns, topic, data) for topic, data in due.messages() if topic in wanted]
+
+
 class StepMessages:
     """Makes the messages of the steps of a simulation, whose world is built."""
 
     def __init__(self, simulation: Simulation) -> None:
         made, world = simulation.experiment, simulation.world
-        self._simulation, self._rig = simulation, made.rig
+        self._simulation, self._wheels = simulation, messages.wheel_mounts(made.rig)
         latched = topics.latches_objects(made, len(world.instances))
         found = topics.topics_of_run(made, latched=latched)
         self.topics = tuple(topic for topic in found if topic.name != topics.COMMANDS)
@@ -47,23 +51,22 @@ class StepMessages:
         self._states = messages.ModelStatesWriter(world, rows=2 if latched else None)
         self._fixed = messages.fixed_transforms(made.rig, world.origin)
 
-    def of(self, frame: Frame, since_ns: int, wanted: Collection[str]) -> Iterator[Message]:
+    def of(self, since_ns: int, due: Iterable[DueReading], wanted: Collection[str]) -> Iterator[Message]:
         """Yield the messages of a step since a stamp [ns], in time order behind the clock, of topics that are wanted.
 
         What is latched comes with the first step, also if nobody wants it yet.
+
+        Args:
+            since_ns: where the step began.
+            due: the readings of the step that need no rays.
+            wanted: topics.
         """
-        yield Message(frame.stamp_ns, topics.CLOCK, messages.clocks(np.array([frame.stamp_ns]))[0])
+        reached_ns = round(self._simulation.seconds * 1e9)
+        yield Message(reached_ns, topics.CLOCK, messages.clocks(np.array([reached_ns]))[0])
         if not since_ns:
             yield from self._latched()
-        truth = self._truth(frame.stamp_ns, since_ns, wanted)
-        sensed = (
-            Message(reading.stamp_ns, topic.name, data)
-            for name, readings in frame.all.items()
-            for reading in readings
-            for topic, data in self._simulation.messages(name, reading)
-            if topic.name in wanted
-        )
-        yield from sorted([*truth, *sensed], key=lambda message: message.stamp_ns)
+        sensed = (message for each in due for message in messages_of(each, wanted))
+        yield from sorted([*self._truth(reached_ns, since_ns, wanted), *sensed], key=lambda message: message.stamp_ns)
 
     def _latched(self) -> Iterator[Message]:
         yield Message(STEP_NS, topics.TF_STATIC, messages.tf_static(STEP_NS, self._fixed))
@@ -83,7 +86,7 @@ class StepMessages:
             topics.TF: lambda: messages.tf(
                 numbers,
                 motion,
-                {} if track.base is None else messages.wheel_transforms(self._rig, track.base.wheels.angle[rows]),
+                {} if track.base is None else messages.wheel_transforms(self._wheels, track.base.wheels.angle[rows]),
             ),
         }
         for topic in (topic for topic in made if topic in wanted):

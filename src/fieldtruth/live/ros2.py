@@ -36,6 +36,7 @@ _CONFIG: Final = """
   </General>
   <Discovery>
     <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{most}</MaxAutoParticipantIndex>{peers}
+    <SPDPInterval>1s</SPDPInterval>
   </Discovery>
   <Internal><MaxSampleSize>{largest}</MaxSampleSize></Internal>
 </Domain></CycloneDDS>

@@ -193,11 +193,11 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     states = messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
     fixed = messages.fixed_transforms(rig, world.origin)
     every_step = motion.stamps_ns
-    rows = np.searchsorted(every_step, poses)
+    rows, mounts = np.searchsorted(every_step, poses), messages.wheel_mounts(rig)
 
     def tf(numbers: Counts) -> Iterable[bytes]:
         at = rows[numbers]
-        wheels = {} if base is None else messages.wheel_transforms(rig, base.wheels.angle[at])
+        wheels = {} if base is None else messages.wheel_transforms(mounts, base.wheels.angle[at])
         return messages.tf(numbers, motion.at(at), wheels)
 
     def all_objects(writer: messages.ModelStatesWriter) -> Callable[[Counts], Iterable[bytes]]:

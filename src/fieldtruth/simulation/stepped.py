@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core import transforms
-from fieldtruth.core.errors import ConfigurationError, DriveError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, DriveError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
@@ -29,13 +29,13 @@ from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import Topic
+from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
 from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.scene import Scene, given_world
-from fieldtruth.sensors.kind import MotionSensor, Movement, Sensor, SensorWorld, movement_of
+from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.simulation.due import Due, DueReadings, Frame, frame_of, wanted_outputs
+from fieldtruth.simulation.due import DueReadings, Frame, frame_of, wanted_outputs
 from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.motion import (
     GrowingMotion,
@@ -157,6 +157,25 @@ class SimulationState(NamedTuple):
     motion: MotionState
     sensors: Mapping[str, Any]
     failed: str
+
+
+class DueReading(NamedTuple):
+    """A reading that became complete, and is sensed when it is asked for."""
+
+    sensor: Sensor
+    output: Output
+    at: At
+    known: Any = None
+    """The reading, if it is there already."""
+
+    def read(self) -> Any:
+        """Return the reading."""
+        return self.sensor.read(self.output, self.at) if self.known is None else self.known
+
+    def messages(self) -> list[tuple[str, bytes]]:
+        """Return its messages, as the bag has them, with their topics."""
+        made = self.sensor.messages(self.output, self.at.number, self.read())
+        return [(topic.name, data) for topic, data in zip(self.output.topics, made, strict=True)]
 
 
 class Simulation:
@@ -359,6 +378,21 @@ class Simulation:
             DriveError: the robot tipped over, touched an obstacle, drove into water, left the world or is stuck: the
                 drive has ended. Or it had ended before.
         """
+        found = [(each.output.name, each.read()) for each in self.due(seconds, command, sensors=sensors)]
+        motion = self._ready()[1]
+        return frame_of(motion.reached_ns, motion.world_from_base, found)
+
+    def due(
+        self,
+        seconds: float,
+        command: tuple[float, float] | None = None,
+        *,
+        sensors: Iterable[str] | None = None,
+    ) -> list[DueReading]:
+        """Drive on as ``step`` does, and return the readings that became complete, which are not sensed yet.
+
+        Threads may read them while the simulation is stepped, each sensor one after another. Raises as ``step``.
+        """
         sensor_world, motion = self._ready()
         steps, target = self._checked(seconds, command)
         wanted = self.wanted if sensors is None else self.wanted & wanted_outputs(self._experiment.rig, sensors)
@@ -372,44 +406,25 @@ class Simulation:
         except DriveError as error:
             self._failed = f"{error}; reset() begins another drive"
             raise
-        return frame_of(motion.reached_ns, motion.world_from_base, self._sense(sensor_world, motion, wanted))
+        return self._complete(sensor_world, motion, wanted)
 
-    def _sense(self, sensor_world: SensorWorld, motion: GrowingMotion, wanted: set[str]) -> list[tuple[str, Any]]:
-        """Return the readings that became complete, by name and in time order."""
+    def _complete(self, sensor_world: SensorWorld, motion: GrowingMotion, wanted: set[str]) -> list[DueReading]:
+        """Return the readings that became complete and are wanted, in time order."""
         track = motion.known()
-        movement, found, seen = movement_of(track), list[tuple[int, str, Any]](), list[tuple[Due, str]]()
+        movement, found, seen = movement_of(track), list[DueReading](), list[DueReading]()
         for due in self._due:
-            name = due.config.name
             if due.config.sees:
-                seen += [(each, name) for each in due.seen(movement, motion.reached_ns, motion.end_ns)]
+                for output, at in due.seen(movement, motion.reached_ns, motion.end_ns):
+                    if output.name in wanted:
+                        seen.append(DueReading(self._sensor(sensor_world, due.config, output.name), output, at))
             elif motion.ended or motion.reached_ns > STEP_NS:  # the reading at the first step of all needs the second
-                sensor = self._sensor(sensor_world, name)
+                sensor = self._sensor(sensor_world, due.config, due.config.name)
                 assert isinstance(sensor, MotionSensor)
                 made = due.measured(sensor, track, motion.reached_ns)
-                found += [(each.at.stamp_ns, each.output.name, reading) for each, reading in made]
-        found = [each for each in found if each[1] in wanted]
-        for (output, at), name in sorted(seen, key=lambda each: each[0].at.stamp_ns):
-            if output.name in wanted:
-                found.append((at.stamp_ns, output.name, self._sensor(sensor_world, name).read(output, at)))
-        return [(name, reading) for _, name, reading in sorted(found, key=lambda each: each[0])]
-
-    def messages(self, name: str, reading: Any) -> Iterator[tuple[Topic, bytes]]:
-        """Yield the messages of a reading of a frame, as the bag has them, with their topics.
-
-        Raises:
-            UnknownNameError: no sensor has such a reading.
-        """
-        outputs = {
-            output.name: (config, output)
-            for config in self._experiment.rig.in_order()
-            for output in config.outputs_on(self._experiment.rig.robot)
-        }
-        if name not in outputs:
-            raise UnknownNameError("reading", name, outputs)
-        config, output = outputs[name]
-        number = round(reading.stamp_ns * output.rate_hz / 1e9) - 1
-        made = self._sensor(self._built(), config.name).messages(output, number, reading)
-        return zip(output.topics, made, strict=True)
+                found += [
+                    DueReading(sensor, output, at, reading) for (output, at), reading in made if output.name in wanted
+                ]
+        return sorted([*found, *seen], key=lambda each: each.at.stamp_ns)
 
     def save(self) -> SimulationState:
         """Return what ``restore`` needs to go on from here, with the same bits."""
@@ -442,9 +457,9 @@ class Simulation:
         assert self._motion is not None
         return self._built(), self._motion
 
-    def _sensor(self, sensor_world: SensorWorld, name: str) -> Sensor:
+    def _sensor(self, sensor_world: SensorWorld, config: SensorConfig, name: str) -> Sensor:
+        """Return the sensor of an output, so that several of one sensor can be read at once."""
         if name not in self._sensors:
-            config = next(config for config in self._experiment.rig.in_order() if config.name == name)
             self._sensors[name] = sensor_class(config)(config, sensor_world)
         return self._sensors[name]
 
