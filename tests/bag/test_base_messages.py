@@ -62,7 +62,7 @@ def test_command() -> None:
 
 
 def test_a_wheel_that_rolls_forwards_turns_its_top_forwards() -> None:
-    turned = messages.wheel_transforms(RIG, np.array([0.0, np.pi / 2, -np.pi / 2, 7.0]))
+    turned = messages.wheel_transforms(messages.wheel_mounts(RIG), np.array([0.0, np.pi / 2, -np.pi / 2, 7.0]))
     assert list(turned) == ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
     top = {name: base_from_wheel[:3, :3] @ (0.0, 0.0, 1.0) for name, base_from_wheel in turned.items()}
     np.testing.assert_allclose(top["front_left_wheel"], (0.0, 0.0, 1.0), atol=1e-15)
@@ -73,7 +73,7 @@ def test_a_wheel_that_rolls_forwards_turns_its_top_forwards() -> None:
 
 
 def test_tf_has_base_link_and_the_wheels() -> None:
-    wheels = messages.wheel_transforms(RIG, np.array([1.0, 2.0, 3.0, 4.0]))
+    wheels = messages.wheel_transforms(messages.wheel_mounts(RIG), np.array([1.0, 2.0, 3.0, 4.0]))
     data = messages.tf(24, TRACK.motion.at(np.array([499])), wheels)[0]
     base, *turning = back(data, "tf2_msgs/msg/TFMessage").transforms
     assert (base.header.frame_id, base.child_frame_id) == ("world", "base_link")

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from series import odometry_along
 
 import fieldtruth as ft
-from fieldtruth.bag.messages import wheel_transforms
+from fieldtruth.bag.messages import wheel_mounts, wheel_transforms
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
@@ -156,7 +156,7 @@ def test_a_differential_robot_drives_a_route_and_publishes_two_wheels(tmp_path: 
         "/odometry/wheel",
         "/cmd_vel",
     ]
-    assert list(wheel_transforms(rig, np.zeros(2))) == ["front_left_wheel", "front_right_wheel"]
+    assert list(wheel_transforms(wheel_mounts(rig), np.zeros(2))) == ["front_left_wheel", "front_right_wheel"]
     assert [frame for frame in rig.mounts() if frame.endswith("wheel")] == ["front_right_wheel", "front_left_wheel"]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
-from fieldtruth.bag.messages import JOINTS, WHEEL_FRAMES, wheel_transforms
+from fieldtruth.bag.messages import JOINTS, WHEEL_FRAMES, wheel_mounts, wheel_transforms
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -124,7 +124,7 @@ class WheelOdometry(Checker):
         self._last_stamp, self._stamp = self._stamp, raw.stamp_ns
         stamp, found = self._frames
         if stamp == raw.stamp_ns and found:
-            true = wheel_transforms(self._rig, angles)
+            true = wheel_transforms(wheel_mounts(self._rig), angles)
             apart = max(float(np.abs(found[name] - true[name]).max()) for name in found)
             self._tally[FRAMES].measure(apart, at(raw))
         for topic, speed in zip(self._speed_topics, speeds, strict=True):
