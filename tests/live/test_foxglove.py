@@ -162,15 +162,17 @@ def test_a_client_drives_and_wrong_commands_are_lines() -> None:
         driver.hear(backwards)
         driver.hear(lambda: abs(speed()) < 0.01)  # nobody commands
         driver.publish(1, b'{"linear": {"x": NaN}, "angular": {"z": 0}}')
-        wait_for(lambda: len(run.lines) == 2)
         driver.publish(2, b"\xff" * 20)
+        wait_for(lambda: len(run.lines) == 3)
         driver.publish(77, b"nobody's")
         at = run.simulation.seconds
         wait_for(lambda: run.simulation.seconds > at + 0.3)
-        assert run.lines == [
+        assert run.lines[:2] == [
             "/etc/passwd: must be no topic, got 'std_msgs/String in json'; it is ignored",
             "/cmd_vel: a command must be finite, got nan m/s and 0.0 rad/s; it is ignored",
         ]
+        assert run.lines[2].startswith("/cmd_vel: is no geometry_msgs/msg/TwistStamped in ros1: ")
+        assert len(run.lines) == 3
 
 
 def test_services_pause_step_and_reset() -> None:

@@ -31,7 +31,9 @@ _MOST_SECONDS: Final = 3600.0
 _LONGEST: Final = 64 * 1024
 """Bytes of a command."""
 _APART_S: Final = 10.0
-"""Wall clock [s] between two lines about the same topic."""
+"""Wall clock [s] between two lines that begin alike."""
+_MOST_LINES: Final = 10
+"""Lines in that time."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Inbox:
 
     Args:
         robot: whose limits hold; a faster command is cut to them.
-        say: prints a line about a command that is refused, of those about one topic at most one in ten seconds.
+        say: prints a line about a command that is refused, of those that begin alike one in ten seconds.
     """
 
     def __init__(self, robot: RobotConfig, say: Callable[[str], None]) -> None:
@@ -106,11 +108,11 @@ class Inbox:
     def refuse(self, topic: str, why: str) -> None:
         """Say in a line why something of a topic is not done."""
         with self._lock:
-            now = monotonic()
+            now, key = monotonic(), f"{topic}: {why[:10]}"
             self._said = {key: at for key, at in self._said.items() if now - at < _APART_S}
-            if topic in self._said:
+            if key in self._said or len(self._said) >= _MOST_LINES:
                 return
-            self._said[topic] = now
+            self._said[key] = now
         self._say(f"{topic}: {' '.join(why.split())[:300]}; it is ignored")
 
     def refuse_type(self, topic: str, msgtype: str) -> None:

@@ -209,6 +209,5 @@ class Ros2Sink(Sink):
                 self._inbox.refuse_type(topic, each.type_name)
 
     def close(self) -> None:
-        """Leave the domain."""
-        for entity in (self._participant, self._domain):
-            del entity
+        """Leave the domain, now and not when the last reference is gone."""
+        self._domain.__del__()

@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node of its own process, with types written by hand: dds_node.py WHAT; prints lines until its input is closed."""
+
+import json
+import math
+import sys
+import threading
+import time
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+CONFIG = """<CycloneDDS><Domain>
+<General>
+  <Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast>
+</General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>
+</Domain></CycloneDDS>"""
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Field(IdlStruct, typename="sensor_msgs::msg::dds_::PointField_"):
+    name: str
+    offset: uint32
+    datatype: uint8
+    count: uint32
+
+
+@dataclass
+class PointCloud2(IdlStruct, typename="sensor_msgs::msg::dds_::PointCloud2_"):
+    header: Header
+    height: uint32
+    width: uint32
+    fields: sequence[Field]
+    is_bigendian: bool
+    point_step: uint32
+    row_step: uint32
+    data: sequence[uint8]
+    is_dense: bool
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+    x: float64 = 0.0
+    y: float64 = 0.0
+    z: float64 = 0.0
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
+    translation: Vector3
+    rotation: Quaternion
+
+
+@dataclass
+class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
+    header: Header
+    child_frame_id: str
+    transform: Transform
+
+
+@dataclass
+class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
+    transforms: sequence[TransformStamped]
+
+
+@dataclass
+class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+    linear: Vector3
+    angular: Vector3
+
+
+@dataclass
+class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
+    header: Header
+    twist: Twist
+
+
+@dataclass
+class Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
+    data: bool
+
+
+@dataclass
+class Int64(IdlStruct, typename="std_msgs::msg::dds_::Int64_"):
+    data: int64
+
+
+V1 = Policy.DataRepresentation(use_cdrv0_representation=True)
+RELIABLE = Policy.Reliability.Reliable(10**9)
+SENSOR = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(5), V1)
+STATIC = Qos(RELIABLE, Policy.Durability.TransientLocal, Policy.History.KeepLast(1), V1)
+COMMAND = Qos(RELIABLE, Policy.Durability.Volatile, Policy.History.KeepLast(10), V1)
+
+
+def main() -> None:
+    domain = int(sys.argv[1])
+    made = Domain(domain, CONFIG)
+    node = DomainParticipant(domain)
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    {"hear": hear, "drive": drive, "wrong": wrong}[sys.argv[2]](node, ended)
+    del made
+
+
+def hear(node: Any, ended: threading.Event) -> None:
+    clouds = DataReader(node, Topic(node, "rt/turning/points", PointCloud2), SENSOR)
+    static = DataReader(node, Topic(node, "rt/tf_static", TFMessage), STATIC)
+    while not ended.is_set():
+        for m in clouds.take(10):
+            stamp = m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
+            fields = [field.name for field in m.fields]
+            row = {"stamp": stamp, "frame": m.header.frame_id, "fields": fields, "sum": zlib.adler32(bytes(m.data))}
+            print(json.dumps(row), flush=True)
+        for m in static.take(1):
+            print(json.dumps({"static": [each.child_frame_id for each in m.transforms]}), flush=True)
+        time.sleep(0.01)
+
+
+def drive(node: Any, ended: threading.Event) -> None:
+    writer = DataWriter(node, Topic(node, "rt/cmd_vel", TwistStamped), COMMAND)
+    header = Header(Time(0, 0), "base_link")
+    while not ended.is_set():
+        writer.write(TwistStamped(header, Twist(Vector3(-0.5), Vector3(z=0.1))))
+        time.sleep(0.05)
+
+
+def wrong(node: Any, ended: threading.Event) -> None:
+    nan = DataWriter(node, Topic(node, "rt/cmd_vel", Twist), COMMAND)
+    other = DomainParticipant(int(sys.argv[1]))
+    text = DataWriter(other, Topic(other, "rt/cmd_vel", Int64), COMMAND)
+    pause = DataWriter(node, Topic(node, "rt/fieldtruth/pause", Bool), COMMAND)
+    while not ended.is_set():
+        nan.write(Twist(Vector3(math.nan), Vector3()))
+        text.write(Int64(1))
+        if pause.get_matched_subscriptions():
+            pause.write(Bool(True))
+        time.sleep(0.1)
+
+
+if __name__ == "__main__":
+    main()
