@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import pytest
 from live_runs import Run, running, wait_for
-from stepped_rigs import experiment
 
 import fieldtruth as ft
 from fieldtruth.bag.messages import STORE
@@ -155,13 +154,7 @@ def fast_node(once: Once) -> Path:
 @pytest.mark.slow
 def test_fast_dds_hears_clouds_images_and_frames_and_drives(fast_node: Path) -> None:
     """Nothing is lost while it listens; checksums are those of what was sent."""
-    values = experiment().model_dump()
-    values["seconds"] = None
-    names = {"turning": "/os1_cloud_node/points", "imu": "/imu/data"}
-    for sensor in values["rig"]["sensors"]:
-        sensor["topic"] = names.get(sensor["name"], sensor["topic"])
-    made = ft.Experiment.model_validate(values)
-    with sent_and_driven(made) as (run, kept):
+    with sent_and_driven() as (run, kept):
         wait_for(lambda: run.simulation.seconds > 0.2)
         output = subprocess.run([fast_node, "6", "-0.4", "0.2"], capture_output=True, text=True, check=True).stdout
         assert run.inbox.command(0.0) is not None
@@ -170,12 +163,13 @@ def test_fast_dds_hears_clouds_images_and_frames_and_drives(fast_node: Path) -> 
     counts = Counter(topic for topic, *_ in found)
     sent = {(m.topic, m.stamp_ns): m for m in kept}
     assert counts["/tf_static"] == 1
-    assert min(counts[topic] for topic in ("/os1_cloud_node/points", "/clock", "/tf", "/imu/data")) > 10
-    for topic in ("/os1_cloud_node/points", "/clock", "/tf", "/imu/data"):
+    heard = ("/turning/points", "/zed/left/tag/img_raw", "/clock", "/tf", "/imu/data")
+    assert min(counts[topic] for topic in heard) > 10
+    for topic in heard:
         stamps = [int(stamp) for name, stamp, *_ in found if name == topic]
         expected = sorted(stamp for name, stamp in sent if name == topic and stamps[0] <= stamp <= stamps[-1])
         assert stamps == expected, topic
     for topic, stamp, frame, size, checksum in found:
-        if topic == "/os1_cloud_node/points":
+        if topic == "/turning/points":
             points = decoded(sent[topic, int(stamp)]).data
             assert (frame, int(size), int(checksum)) == ("turning_link", len(points), zlib.adler32(points.tobytes()))

@@ -103,8 +103,8 @@ int main(int, char** argument) {
       DomainParticipantFactory::get_instance()->create_participant(number ? std::atoi(number) : 0, qos);
   Subscriber* subscriber = node->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
   using namespace sensor_msgs::msg::dds_;
-  hear<PointCloud2_PubSubType, PointCloud2_>(node, subscriber, "/os1_cloud_node/points");
-  hear<Image_PubSubType, Image_>(node, subscriber, "/stereo/camera/left/tag/image_raw");
+  hear<PointCloud2_PubSubType, PointCloud2_>(node, subscriber, "/turning/points");
+  hear<Image_PubSubType, Image_>(node, subscriber, "/zed/left/tag/img_raw");
   hear<Imu_PubSubType, Imu_>(node, subscriber, "/imu/data");
   using Clock = rosgraph_msgs::msg::dds_::Clock_;
   hear<rosgraph_msgs::msg::dds_::Clock_PubSubType, Clock>(node, subscriber, "/clock");
