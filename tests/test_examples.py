@@ -68,9 +68,9 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_thirteen_examples_have_at_most_60_lines_and_a_test_each() -> None:
+def test_fourteen_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
-    assert len(SCRIPTS) == 13
+    assert len(SCRIPTS) == 14
     for script in SCRIPTS:
         assert len(script.read_text(encoding="utf-8").splitlines()) <= 60
         assert f'"{script.name}"' in tests
@@ -100,6 +100,17 @@ def test_stepping_goes_on_from_the_middle_in_another_way(run_example: RunExample
     own, follower = run_example("stepping.py", 1.0)
     assert re.fullmatch(r"1.0 s, 0.[2-5]\d m from the start by the own controller", own)
     assert re.fullmatch(r"0.[0-4]\d m from there, if the follower drives from the middle on", follower)
+
+
+def test_own_controller_turns_towards_the_trail(run_example: RunExample) -> None:
+    [line] = run_example("own_controller.py", 3.0)
+    assert re.fullmatch(r"3.0 s, 1.[2-5] m from the start, 100 % of the time on the trail", line)
+    follow = runpy.run_path(str(EXAMPLES / "own_controller.py"))["follow"]
+    label = np.full((90, 160), ft.Label.GROUND, np.uint8)
+    assert follow(label) == (0.0, 0.5)
+    label[60:, 20:40] = ft.Label.TRAIL
+    assert follow(label) == (0.5, pytest.approx(2.0 * (0.5 - 29.5 / 160)))
+    assert follow(label[:, ::-1])[1] == pytest.approx(-follow(label)[1], abs=0.02)
 
 
 def test_own_meshes_are_seen_by_their_names(tmp_path: Path, run_example: RunExample) -> None:

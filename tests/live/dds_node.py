@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node of its own process, with types written by hand: dds_node.py WHAT; prints lines until its input is closed."""
 
+# mypy: disable-error-code="misc, call-arg"
 import json
 import math
 import sys
@@ -127,9 +128,14 @@ def main() -> None:
     made = Domain(domain, CONFIG)
     node = DomainParticipant(domain)
     ended = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    threading.Thread(target=wait_for_end, args=[ended], daemon=True).start()
     {"hear": hear, "drive": drive, "wrong": wrong}[sys.argv[2]](node, ended)
     del made
+
+
+def wait_for_end(ended: threading.Event) -> None:
+    sys.stdin.read()
+    ended.set()
 
 
 def hear(node: Any, ended: threading.Event) -> None:

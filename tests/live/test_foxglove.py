@@ -125,8 +125,8 @@ def test_those_who_come_late_hear_what_is_latched_and_a_killed_client_is_no_end(
     with server() as (port, run):
         wait_for(lambda: run.simulation.seconds > 0.1)
         first, second = Client(port, {IMU, TF_STATIC}), Client(port, {IMU, SCENE})
-        for heard, latched in ((first, TF_STATIC), (second, SCENE)):
-            heard.hear(lambda heard=heard, latched=latched: {IMU, latched} <= heard.heard.keys())
+        first.hear(lambda: {IMU, TF_STATIC} <= first.heard.keys())
+        second.hear(lambda: {IMU, SCENE} <= second.heard.keys())
         frames = {each.child_frame_id for each in decoded(TF_STATIC, first).transforms}
         assert {"imu_link", "turning_link"} <= frames
         first.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
@@ -160,11 +160,11 @@ def test_a_client_drives_and_wrong_commands_are_lines() -> None:
             return speed() < -0.4
 
         driver.hear(backwards)
-        driver.hear(lambda: abs(speed()) < 0.01)  # nobody commands
+        driver.hear(lambda: abs(speed()) < 0.01)  # no command any more
         driver.publish(1, b'{"linear": {"x": NaN}, "angular": {"z": 0}}')
         driver.publish(2, b"\xff" * 20)
         wait_for(lambda: len(run.lines) == 3)
-        driver.publish(77, b"nobody's")
+        driver.publish(77, b"of no channel")
         at = run.simulation.seconds
         wait_for(lambda: run.simulation.seconds > at + 0.3)
         assert run.lines[:2] == [

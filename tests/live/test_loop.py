@@ -60,7 +60,12 @@ def test_messages_are_those_of_the_bag_byte_for_byte(real: dict[str, bool], tmp_
 def test_what_nobody_wants_is_not_sensed(monkeypatch: pytest.MonkeyPatch) -> None:
     read = list[str]()
     usual = ft.Sensor.read
-    monkeypatch.setattr(ft.Sensor, "read", lambda self, output, at: read.append(output.name) or usual(self, output, at))
+
+    def noted(self: ft.Sensor, output: Any, at: ft.At) -> Any:
+        read.append(output.name)
+        return usual(self, output, at)
+
+    monkeypatch.setattr(ft.Sensor, "read", noted)
     recorder = Recorder({"/turning/points", CLOCK})
     simulation = simulation_of(experiment())
     topic = next(t.name for c in simulation.experiment.rig.in_order() if c.name == "turning" for t in c.topics())
@@ -245,5 +250,6 @@ def test_latched_topics_come_first_and_decode() -> None:
     recorder = Recorder(set())
     Live(simulation_of(experiment(seconds=0.05)), recorder, inbox_of(), 0.0, print).run(lambda state: None)
     first = recorder.messages[1]
-    frames = {each.child_frame_id for each in STORE.deserialize_ros1(first.data, "tf2_msgs/msg/TFMessage").transforms}
+    decoded: Any = STORE.deserialize_ros1(first.data, "tf2_msgs/msg/TFMessage")
+    frames = {each.child_frame_id for each in decoded.transforms}
     assert {"imu_link", "GNSS_link", "turning_link"} <= frames

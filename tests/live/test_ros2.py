@@ -85,7 +85,7 @@ def test_clouds_and_latched_frames_reach_another_process_unchanged() -> None:
     clouds = [row for row in heard if "sum" in row]
     assert len(clouds) == 11
     for row in clouds:
-        cloud = true[row["stamp"]]
+        cloud: Any = true[row["stamp"]]
         assert row["frame"] == "turning_link"
         assert row["fields"] == [field.name for field in cloud.fields]
         assert row["sum"] == zlib.adler32(cloud.data.tobytes())

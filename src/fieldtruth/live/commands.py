@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands from outside: the topics on which they come, what they ask for, and those that wait to be done.
 
-They can drive the robot, pause, step and reset, and nothing else. One that is not allowed is a line on the screen.
+They can drive the robot, pause, step and reset, and nothing else. A wrong one is a line on the screen.
 """
 
 import json
@@ -168,7 +168,7 @@ class Inbox:
             return taken
 
     def command(self, now_s: float) -> Command | None:
-        """Return the command at a simulated time [s]; None where nobody has commanded since the last reset."""
+        """Return the command at a simulated time [s]; None where there was none since the last reset."""
         with self._lock:
             if self._is_new:
                 self._is_new, self._since_s = False, now_s

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop of a live simulation: step, send, and wait for the wall clock.
 
-If that takes longer than its share of the wall clock, simulated time is slower: no reading to which somebody listens
-is left out. What nobody listens to is not sensed. Threads trace rays while the robot drives on, until the next reading
+If that takes longer than its share of the wall clock, simulated time is slower: no reading that is subscribed to is
+left out. What is not subscribed to is not sensed. Threads trace rays while the robot drives on, until the next reading
 of the same output is due: a cloud or an image arrives as long after its stamp as that takes, as from real drivers.
 """
 
@@ -30,7 +30,7 @@ _CATCH_UP_S: Final = 0.2
 """Wall clock [s] by which simulated time may be late and still catch up."""
 _SCREEN_S: Final = 1.0
 LOOPBACK: Final = "127.0.0.1"
-"""Where sinks listen by default: nobody but this machine reaches them."""
+"""Where sinks listen by default: only this machine reaches them."""
 
 
 class Sink(ABC):

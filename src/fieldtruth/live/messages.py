@@ -54,7 +54,7 @@ class StepMessages:
     def of(self, since_ns: int, due: Iterable[DueReading], wanted: Collection[str]) -> Iterator[Message]:
         """Yield the messages of a step since a stamp [ns], in time order behind the clock, of topics that are wanted.
 
-        What is latched comes with the first step, also if nobody wants it yet.
+        What is latched comes with the first step, also if it is not wanted yet.
 
         Args:
             since_ns: where the step began.
