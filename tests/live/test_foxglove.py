@@ -186,7 +186,7 @@ def test_services_pause_step_and_reset() -> None:
         assert run.simulation.seconds == 0.0
         assert heard.call(4, "/fieldtruth/reset_pose", POSE.pack(0, 0, 0, 0, -3.0, 1.0, 0, 0, 0, 0, 1))[0]
         assert run.simulation.robot.pose[0][:2] == pytest.approx([-3.0, 1.0], abs=0.05)
-        success, reason = heard.call(5, "/fieldtruth/reset_pose", POSE.pack(0, 0, 0, 0, 1e6, 1.0, 0, 0, 0, 0, 1))
+        success, reason = heard.call(5, "/fieldtruth/reset_pose", POSE.pack(0, 0, 0, 0, 1e3, 1.0, 0, 0, 0, 0, 1))
         assert not success
         assert "outside the world" in reason
         assert not heard.call(6, "/fieldtruth/step", b"no number")[0]

@@ -110,6 +110,7 @@ def test_a_command_is_cut_to_the_limits_and_holds_for_half_a_second() -> None:
         ("/fieldtruth/step", "std_msgs/msg/Float64", SimpleNamespace(data=math.nan), "from 0.001 to 3600 s, got nan"),
         ("/fieldtruth/step", "std_msgs/msg/Float64", SimpleNamespace(data=1e9), "from 0.001 to 3600 s"),
         ("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=None), "not supported between"),
+        ("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=2**63), "seed must be from 0 to 92233"),
     ],
 )
 def test_a_wrong_command_is_one_line(topic: str, msgtype: str, message: Any, reason: str) -> None:
@@ -123,6 +124,12 @@ def test_a_wrong_command_is_one_line(topic: str, msgtype: str, message: Any, rea
     assert line.startswith(f"{topic}: ")
     assert reason in line
     assert line.endswith("; it is ignored")
+
+
+def test_letters_that_move_the_cursor_are_not_printed() -> None:
+    lines: list[str] = []
+    inbox_of(lines).refuse_type("/\x1b[2J\n", "\x1b]0;x\x07")
+    assert lines == ["/ [2J : must be no topic, got '\\x1b]0;x\\x07'; it is ignored"]
 
 
 @pytest.mark.parametrize("data", [b"", b"\1" * 47, bytes(10**7)], ids=["empty", "short", "long"])
@@ -190,10 +197,11 @@ def test_a_reset_puts_the_robot_where_it_is_told() -> None:
         assert (x, y) == pytest.approx((-4.0, 2.0), abs=0.05)
         assert 2 * math.atan2(z, w) == pytest.approx(1.0, abs=0.03)
         before = run.simulation.seconds
-        assert asked(run.inbox, Reset(start=(1e6, 0.0, 0.0)))[0] is False
+        for x, reason in ((1e3, "outside the world"), (1e308, "up to 10000"), (math.nan, "up to 10000")):
+            success, text = asked(run.inbox, Reset(start=(x, 0.0, 0.0)))
+            assert (success, reason in text) == (False, True)
+            assert run.lines[-1] == text
         assert run.simulation.seconds >= before  # the drive goes on
-        assert len(run.lines) == 1
-        assert "outside the world" in run.lines[0]
     with pytest.raises(RouteError):
         run.simulation.reset(start=(9.0, 0.0, 0.0))  # in the wall
     with pytest.raises(ConfigurationError):

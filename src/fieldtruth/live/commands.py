@@ -61,6 +61,10 @@ class Reset:
     seed: int | None = None
     start: tuple[float, float, float] | None = None
 
+    def __post_init__(self) -> None:
+        if self.seed is not None and not 0 <= self.seed < 2**63:
+            raise ConfigurationError(f"seed must be from 0 to {2**63 - 1}, got {self.seed}")
+
 
 Request = Pause | Step | Reset
 
@@ -68,10 +72,7 @@ Request = Pause | Step | Reset
 def _at_pose(message: Any) -> Request:
     """Return the reset to a PoseStamped in the world frame, of which position and heading matter."""
     at, q = message.pose.position, message.pose.orientation
-    start = at.x, at.y, math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
-    if not all(map(math.isfinite, start)):
-        raise ConfigurationError(f"x, y and heading must be finite, got {start}")
-    return Reset(None, start)
+    return Reset(None, (at.x, at.y, math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))))
 
 
 TWIST: Final = "geometry_msgs/msg/Twist"
@@ -113,7 +114,8 @@ class Inbox:
             if key in self._said or len(self._said) >= _MOST_LINES:
                 return
             self._said[key] = now
-        self._say(f"{topic}: {' '.join(why.split())[:300]}; it is ignored")
+        text = f"{topic}: {why[:300]}; it is ignored"
+        self._say("".join(letter if letter.isprintable() else " " for letter in text))
 
     def refuse_type(self, topic: str, msgtype: str) -> None:
         """Say that messages of a topic have another type than they must."""

@@ -9,6 +9,7 @@ over it. Services identify requests in ways that differ between middlewares; so 
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, Final
 
 from rosbags.interfaces import Nodetype
@@ -103,8 +104,11 @@ class _Writer:
         return bool(self._writer.get_matched_subscriptions())
 
     def write(self, data: bytes) -> None:
+        from cyclonedds.core import DDSException
+
         self._data = data
-        self._writer.write(self._sample)
+        with suppress(DDSException):  # a reliable subscriber hangs; there is a time limit to waiting for it
+            self._writer.write(self._sample)
 
 
 class Ros2Sink(Sink):
@@ -199,11 +203,16 @@ class Ros2Sink(Sink):
     def poll(self) -> None:
         """Take what was published to the topics of commands, and name publishers of wrong types."""
         for topic, msgtype, reader in self._readers:
-            for sample in reader.take(10):
+            try:
+                samples = reader.take(10)
+            except Exception as error:  # of any kind, for a text that is no UTF-8
+                self._inbox.refuse(topic, f"is no {msgtype}: {error}")
+                continue
+            for sample in samples:
                 if type(sample) is self._classes(msgtype):  # not the end of a publisher
                     self._inbox.take(topic, msgtype, sample)
         for each in self._publications.take(100):
-            topic = each.topic_name.removeprefix("rt")
+            topic = getattr(each, "topic_name", "").removeprefix("rt")
             known = {self._classes(kind).__idl_typename__ for kind in ALLOWED.get(topic, ())}
             if known and each.type_name not in known:
                 self._inbox.refuse_type(topic, each.type_name)

@@ -51,6 +51,8 @@ from fieldtruth.world.model import World
 
 _AHEAD: float = 3.0
 """[m] from a start to the waypoint that gives the robot its heading; so far the way must be free."""
+_FARTHEST: float = 10_000.0
+"""[m] of a start from the origin, and [rad] of its heading."""
 _FREE: float = 2.0
 """[m] from the end of the route in a world without an experiment to the world's edge."""
 
@@ -347,8 +349,10 @@ class Simulation:
     def _route_from(self, start: tuple[float, float, float]) -> RouteConfig:
         """Return the route with another start, whose first waypoint is ahead of it."""
         made, (x, y, heading) = self._experiment, start
-        if self._route is None or not all(map(math.isfinite, start)):
-            raise ConfigurationError(f"start must be x, y and heading of a robot that drives a route, got {start!r}")
+        if self._route is None:
+            raise ConfigurationError("start must be None: this experiment has poses that are given, and no route")
+        if not all(abs(value) <= _FARTHEST for value in start):  # also false for nan
+            raise ConfigurationError(f"start must be x, y and heading up to {_FARTHEST:g}, got {start!r}")
         ahead = x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading)
         begin = route_from_metres((x, y), [ahead], self.world.origin)
         plan_route(self.world, made.model_copy(update={"route": begin}))
