@@ -35,6 +35,11 @@ def twist(speed: Any, turn_rate: Any) -> SimpleNamespace:
     return SimpleNamespace(linear=SimpleNamespace(x=speed), angular=SimpleNamespace(z=turn_rate))
 
 
+def pose_at(x: Any, y: float = 0.0, heading: float = 0.0) -> SimpleNamespace:
+    q = SimpleNamespace(x=0.0, y=0.0, z=math.sin(heading / 2), w=math.cos(heading / 2))
+    return SimpleNamespace(pose=SimpleNamespace(position=SimpleNamespace(x=x, y=y), orientation=q))
+
+
 @pytest.mark.parametrize("real", [{}, {"signal": True, "clock": True}], ids=["ideal", "real"])
 def test_messages_are_those_of_the_bag_byte_for_byte(real: dict[str, bool], tmp_path: Path) -> None:
     """As the follower drives; the clock and the models' states come at 50 Hz instead of 1000 Hz."""
@@ -110,6 +115,7 @@ def test_a_command_is_cut_to_the_limits_and_holds_for_half_a_second() -> None:
         ("/fieldtruth/step", "std_msgs/msg/Float64", SimpleNamespace(data=math.nan), "from 0.001 to 3600 s, got nan"),
         ("/fieldtruth/step", "std_msgs/msg/Float64", SimpleNamespace(data=1e9), "from 0.001 to 3600 s"),
         ("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=None), "not supported between"),
+        ("/fieldtruth/reset_pose", POSE, pose_at("x"), "could not convert string to float: 'x'"),
         ("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=2**63), "seed must be from 0 to 92233"),
     ],
 )
@@ -153,13 +159,8 @@ def test_at_most_a_hundred_requests_wait() -> None:
 
 def asked(inbox: Inbox, request: Request) -> tuple[bool, str]:
     """Ask as a front end does, and wait for the answer."""
-    pose = {"position": SimpleNamespace(x=0.0, y=0.0), "orientation": SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)}
     if isinstance(request, Reset) and request.start is not None:
-        x, y, heading = request.start
-        pose["position"] = SimpleNamespace(x=x, y=y)
-        pose["orientation"] = SimpleNamespace(x=0.0, y=0.0, z=math.sin(heading / 2), w=math.cos(heading / 2))
-        message = SimpleNamespace(pose=SimpleNamespace(**pose))
-        return answer_of(inbox.take("/fieldtruth/reset_pose", POSE, message))
+        return answer_of(inbox.take("/fieldtruth/reset_pose", POSE, pose_at(*request.start)))
     topic, value = {
         Pause: ("/fieldtruth/pause", getattr(request, "paused", None)),
         Step: ("/fieldtruth/step", getattr(request, "seconds", None)),

@@ -72,7 +72,8 @@ Request = Pause | Step | Reset
 def _at_pose(message: Any) -> Request:
     """Return the reset to a PoseStamped in the world frame, of which position and heading matter."""
     at, q = message.pose.position, message.pose.orientation
-    return Reset(None, (at.x, at.y, math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))))
+    heading = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+    return Reset(None, (float(at.x), float(at.y), heading))
 
 
 TWIST: Final = "geometry_msgs/msg/Twist"

@@ -75,7 +75,7 @@ class FoxgloveSink(Sink):
         except ImportError as error:
             raise OutputError("foxglove-sdk is not installed; run: pip install 'fieldtruth[live]'") from error
         self._foxglove, self._inbox, self._listener = foxglove, inbox, _Listener(inbox)
-        self._context, self._channels, self._kept = foxglove.Context(), dict[str, Any](), dict[str, bytes]()
+        self._context, self._channels, self._kept = foxglove.Context(), dict[str, Any](), dict[str, Message | None]()
         try:
             self._server = foxglove.start_server(
                 name="fieldtruth",
@@ -120,7 +120,7 @@ class FoxgloveSink(Sink):
                 topic.name, message_encoding="ros1", schema=schema, context=self._context
             )
             if topic.latched:
-                self._kept[topic.name] = b""
+                self._kept[topic.name] = None
 
     def show(self, world: World, rig: Rig) -> None:
         """Send the world and the robot as boxes, and let clients begin anew, as time does."""
@@ -131,8 +131,8 @@ class FoxgloveSink(Sink):
             )
         else:
             self._server.clear_session()
-        self._kept[SCENE] = update.encode()
-        self._channels[SCENE].log(self._kept[SCENE])
+        self._kept[SCENE] = None
+        self.send(Message(0, SCENE, update.encode()))
 
     def wants(self, topic: str) -> bool:
         """Return whether a client has subscribed."""
@@ -143,15 +143,14 @@ class FoxgloveSink(Sink):
         if message.topic == CLOCK:
             self._server.broadcast_time(message.stamp_ns)
         if message.topic in self._kept:
-            self._kept[message.topic] = message.data
+            self._kept[message.topic] = message
         self._channels[message.topic].log(message.data, log_time=message.stamp_ns)
 
     def poll(self) -> None:
         """Send what is latched to those who are new."""
         while self._listener.new:
-            topic = self._listener.new.pop()
-            if data := self._kept.get(topic):
-                self._channels[topic].log(data)
+            if message := self._kept.get(self._listener.new.pop()):
+                self.send(message)
 
     def close(self) -> None:
         """Close the connections."""

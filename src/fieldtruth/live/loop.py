@@ -215,6 +215,6 @@ class Live:
         self._until_s = 0.0
         if self._simulation.world is not before:
             self._simulation.prepare()
-            self._messages = StepMessages(self._simulation)
+            self._messages = StepMessages(self._simulation, self._messages.latched)
         self._sink.show(self._simulation.world, self._simulation.experiment.rig)
         self.pace.begin(0.0)

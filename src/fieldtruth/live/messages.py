@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fieldtruth.bag import messages, topics
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.drive.track import STEP_NS, Stamps, count_at_rate, stamps_at_rate
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.simulation.stepped import DueReading, Simulation
@@ -38,17 +39,22 @@ def messages_of(due: DueReading, wanted: Collection[str]) -> list[Message]:
 
 
 class StepMessages:
-    """Makes the messages of the steps of a simulation, whose world is built."""
+    """Makes the messages of the steps of a simulation, whose world is built.
 
-    def __init__(self, simulation: Simulation) -> None:
+    Args:
+        simulation: what is stepped.
+        latched: whether static objects come once; None: as in a bag, by their number.
+    """
+
+    def __init__(self, simulation: Simulation, latched: bool | None = None) -> None:
         made, world = simulation.experiment, simulation.world
         self._simulation, self._wheels = simulation, messages.wheel_mounts(made.rig)
-        latched = topics.latches_objects(made, len(world.instances))
-        found = topics.topics_of_run(made, latched=latched)
+        self.latched = topics.latches_objects(made, len(world.instances)) if latched is None else latched
+        found = topics.topics_of_run(made, latched=self.latched)
         self.topics = tuple(topic for topic in found if topic.name != topics.COMMANDS)
         """What is published."""
-        self._objects = messages.ModelStatesWriter(world) if latched else None
-        self._states = messages.ModelStatesWriter(world, rows=2 if latched else None)
+        self._objects = messages.ModelStatesWriter(world) if self.latched else None
+        self._states = messages.ModelStatesWriter(world, rows=GROUND_ID + 1 if self.latched else None)
         self._fixed = messages.fixed_transforms(made.rig, world.origin)
 
     def of(self, since_ns: int, due: Iterable[DueReading], wanted: Collection[str]) -> Iterator[Message]:

@@ -15,7 +15,6 @@ from fieldtruth.world.model import World
 
 _CELLS: Final = 150
 """Cells of the ground along the longer side of the world."""
-_MOST_BOXES: Final = 3000
 _GROUND: Final = (0.45, 0.42, 0.36, 1.0)
 _ROBOT: Final = (0.95, 0.75, 0.1, 1.0)
 
@@ -24,54 +23,46 @@ def scene_update(world: World, rig: Rig) -> Any:
     """Return the ``SceneUpdate``."""
     from foxglove import messages as m
 
-    def cube(centre: Array, size: Array, colour: tuple[float, ...], rotation: Array | None = None) -> Any:
-        w, x, y, z = (1.0, 0.0, 0.0, 0.0) if rotation is None else quaternion_wxyz_from_rotation(rotation).tolist()
-        at = m.Vector3(**dict(zip("xyz", map(float, centre), strict=True)))
-        pose = m.Pose(position=at, orientation=m.Quaternion(x=x, y=y, z=z, w=w))
-        edges = m.Vector3(**dict(zip("xyz", map(float, size), strict=True)))
-        return m.CubePrimitive(pose=pose, size=edges, color=_colour(colour))
+    def colour(rgba: tuple[float, ...]) -> Any:
+        return m.Color(**dict(zip("rgba", rgba, strict=True)))
 
-    boxes = [cube(*box) for box in _boxes(world)]
-    sizes = [
-        part.size if isinstance(part, Box) else np.array([2 * part.radius, part.width, 2 * part.radius])
-        for part in body_parts(rig)
-    ]
-    hull = [cube(part.centre, size, _ROBOT) for part, size in zip(body_parts(rig), sizes, strict=True)]
-    points, indices = _ground(world)
-    ground = m.TriangleListPrimitive(
-        pose=m.Pose(position=m.Vector3(), orientation=m.Quaternion(w=1.0)),
-        points=[m.Point3(x=x, y=y, z=z) for x, y, z in points.tolist()],
-        indices=indices.tolist(),
-        color=_colour(_GROUND),
-    )
+    def vector(kind: Any, xyz: Array) -> Any:
+        return kind(**dict(zip("xyz", map(float, xyz), strict=True)))
+
+    def cube(centre: Array, size: Array, rotation: Array, rgba: tuple[float, ...]) -> Any:
+        orientation = m.Quaternion(**dict(zip("wxyz", quaternion_wxyz_from_rotation(rotation).tolist(), strict=True)))
+        pose = m.Pose(position=vector(m.Vector3, centre), orientation=orientation)
+        return m.CubePrimitive(pose=pose, size=vector(m.Vector3, size), color=colour(rgba))
+
+    hull = []
+    for part in body_parts(rig):
+        size = part.size if isinstance(part, Box) else np.array([2 * part.radius, part.width, 2 * part.radius])
+        hull.append(cube(part.centre, size, np.eye(3), _ROBOT))
+    points, faces = _ground(world)
+    pose = m.Pose(position=m.Vector3(), orientation=m.Quaternion(w=1.0))
+    corners = [vector(m.Point3, point) for point in points]
+    ground = m.TriangleListPrimitive(pose=pose, points=corners, indices=faces.tolist(), color=colour(_GROUND))
     return m.SceneUpdate(
         entities=[
             m.SceneEntity(id="ground", frame_id=WORLD, triangles=[ground]),
-            m.SceneEntity(id="objects", frame_id=WORLD, cubes=boxes),
+            m.SceneEntity(id="objects", frame_id=WORLD, cubes=[cube(*box) for box in _boxes(world)]),
             m.SceneEntity(id="robot", frame_id=BASE, frame_locked=True, cubes=hull),
         ]
     )
 
 
-def _colour(rgba: tuple[float, ...]) -> Any:
-    from foxglove.messages import Color
-
-    return Color(**dict(zip("rgba", rgba, strict=True)))
-
-
-def _boxes(world: World) -> list[tuple[Array, Array, tuple[float, ...], Array]]:
-    """Return centre, size, colour and rotation of the box around each object, of the largest if there are many."""
+def _boxes(world: World) -> list[tuple[Array, Array, Array, tuple[float, ...]]]:
+    """Return centre, size, rotation and colour of the box around each object."""
     found = []
     for instance in world.instances:
-        mesh = world.meshes[instance.mesh]
+        mesh, pose = world.meshes[instance.mesh], instance.world_from_object
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        scale = float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
-        centre = instance.world_from_object @ np.append((low + high) / 2, 1.0)
+        scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
         label = world.materials[mesh.materials[int(np.bincount(mesh.material).argmax())]].label
-        rgb = world.classes[label].rgb or (128, 128, 128)
-        colour = (*(value / 255 for value in rgb), 0.6)
-        found.append((centre[:3], (high - low) * scale, colour, instance.world_from_object[:3, :3] / scale))
-    return sorted(found, key=lambda box: -float(np.prod(box[1])))[:_MOST_BOXES]
+        colour = (*(value / 255 for value in world.classes[label].rgb or (128, 128, 128)), 0.6)
+        centre = (pose @ np.append((low + high) / 2, 1.0))[:3]
+        found.append((centre, (high - low) * scale, pose[:3, :3] / scale, colour))
+    return found
 
 
 def _ground(world: World) -> tuple[Array, Any]:
