@@ -8,6 +8,7 @@ Fast DDS is ROS 2's default middleware; its node is C++ that fastddsgen generate
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import zlib
@@ -29,7 +30,7 @@ from fieldtruth.live.commands import Inbox
 from fieldtruth.live.messages import Message
 
 pytest.importorskip("cyclonedds")
-from fieldtruth.live.ros2 import Ros2Sink, domain_id
+from fieldtruth.live.ros2 import Ros2Sink, domain_id, udp_sockets
 
 HERE = Path(__file__).parent
 FASTDDS = HERE / "fastdds"
@@ -90,6 +91,20 @@ def test_clouds_and_latched_frames_reach_another_process_unchanged() -> None:
         assert row["fields"] == [field.name for field in cloud.fields]
         assert row["sum"] == zlib.adler32(cloud.data.tobytes())
     assert not run.lines
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="Linux before 5.7 lets only root bind")
+def test_all_sockets_are_bound_to_the_loopback_interface() -> None:
+    before = udp_sockets()
+    sink = Ros2Sink(Inbox(Rig().robot, print))
+    opened = udp_sockets() - before
+    assert len(opened) >= 2
+    for number in opened:
+        with socket.socket(fileno=os.dup(number)) as each:
+            device = each.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
+            assert device.rstrip(b"\0") == b"lo", each.getsockname()
+    assert sink.where.endswith(" at 127.0.0.1, for this machine only")
+    sink.close()
 
 
 def test_late_second_and_killed_subscribers() -> None:

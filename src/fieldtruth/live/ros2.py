@@ -8,6 +8,7 @@ over it. Services identify requests in ways that differ between middlewares; so 
 """
 
 import os
+import socket
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final
@@ -56,6 +57,30 @@ def domain_id() -> int:
     if not text.isascii() or not text.isdigit() or int(text) not in _DOMAINS:
         raise ConfigurationError(f"ROS_DOMAIN_ID must be a number from 0 to {_DOMAINS[-1]}, got {text!r}")
     return int(text)
+
+
+def udp_sockets() -> set[int]:
+    """Return the descriptors of this process that are sockets of UDP and receive at all addresses."""
+    found = set()
+    for number in map(int, os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else ()):  # noqa: PTH208, PTH112
+        with suppress(OSError), socket.socket(fileno=os.dup(number)) as each:
+            if each.type == socket.SOCK_DGRAM and each.family == socket.AF_INET and each.getsockname()[0] == "0.0.0.0":
+                found.add(number)
+    return found
+
+
+def bind_to_loopback(numbers: set[int]) -> bool:
+    """Let sockets receive from this machine only; return whether the system has done so.
+
+    Cyclone DDS sends from the address that it is given, but receives at all.
+    """
+    try:
+        for number in numbers:
+            with socket.socket(fileno=os.dup(number)) as each:
+                each.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, b"lo\0")
+    except OSError:  # before Linux 5.7, root alone may
+        return False
+    return bool(numbers)
 
 
 class DdsTypes:
@@ -130,7 +155,7 @@ class Ros2Sink(Sink):
         except ImportError as error:
             raise OutputError("cyclonedds is not installed; run: pip install 'fieldtruth[live]'") from error
         number, is_local = domain_id(), host == LOOPBACK
-        self._inbox, self._number = inbox, number
+        self._inbox = inbox
         peers = f'<Peers><Peer address="{LOOPBACK}"/></Peers>' if is_local else ""
         config = _CONFIG.format(
             host=host,
@@ -139,9 +164,11 @@ class Ros2Sink(Sink):
             peers=peers,
             largest=_LARGEST,
         )
+        others = udp_sockets()
         try:
             self._domain = Domain(number, config)
-            self._participant = DomainParticipant(number)
+            # A participant has one type of a topic, and /cmd_vel may have two.
+            self._participant, self._second = DomainParticipant(number), DomainParticipant(number)
         except DDSException as error:
             what = f"DDS domain {number} cannot be joined at {host}"
             hint = f"it may be full ({_MOST_PARTICIPANTS} participants), or this machine has no such address"
@@ -149,7 +176,10 @@ class Ros2Sink(Sink):
         self._types = Ros2Types(STORE, {kind for kinds in ALLOWED.values() for kind in kinds}, "commands")
         self._classes = DdsTypes(self._types.store)
         self._writers, self._msgtypes = dict[str, _Writer](), dict[str, str]()
-        self.where = f"DDS domain {number} at {host}" + ", for this machine only" * is_local
+        only = is_local and bind_to_loopback(udp_sockets() - others)
+        self.where = (
+            f"DDS domain {number} at {host}, {'for this machine only' if only else 'received at all addresses'}"
+        )
         self._listen()
 
     def _qos(self, msgtype: str, *, depth: int, reliable: bool, latched: bool = False) -> Any:
@@ -167,15 +197,12 @@ class Ros2Sink(Sink):
 
     def _listen(self) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-        from cyclonedds.domain import DomainParticipant
         from cyclonedds.sub import DataReader
         from cyclonedds.topic import Topic as DdsTopic
 
-        # A participant has one type of a topic, and /cmd_vel may have two.
-        participants = self._participant, DomainParticipant(self._number)
         self._readers = []
         for topic, kinds in ALLOWED.items():
-            for participant, msgtype in zip(participants, kinds, strict=False):
+            for participant, msgtype in zip((self._participant, self._second), kinds, strict=False):
                 named = DdsTopic(participant, f"rt{topic}", self._classes(msgtype))
                 qos = self._qos(msgtype, depth=10, reliable=topic != COMMANDS)
                 self._readers.append((topic, msgtype, DataReader(participant, named, qos)))
