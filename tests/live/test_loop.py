@@ -182,6 +182,8 @@ def test_pause_step_and_reset() -> None:
         wait_for(lambda: run.simulation.seconds > at + 0.05)
         time.sleep(0.1)
         assert run.simulation.seconds == pytest.approx(at + 0.055)
+        assert asked(run.inbox, Step(0.0014))[0]  # a step of the physics, and no half one
+        wait_for(lambda: run.simulation.seconds > at + 0.0555)
         assert asked(run.inbox, Pause(False))[0]
         wait_for(lambda: run.simulation.seconds > at + 0.2)
         shown = sink.shown

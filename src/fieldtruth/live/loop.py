@@ -24,6 +24,8 @@ from fieldtruth.world.model import World
 
 STEP_S: Final = 0.02
 """Simulated time [s] of a step, the period of /tf: a command waits at most so long."""
+_NEARLY_S: Final = 0.0006
+"""Simulated time [s] before the end of a step that is too short for one of the physics."""
 _IDLE_S: Final = 0.01
 """Wall clock [s] between two looks for commands in a pause."""
 _CATCH_UP_S: Final = 0.2
@@ -134,7 +136,7 @@ class Live:
             for request, answer in self._inbox.requests():
                 self._answer(request, answer)
             now = self._simulation.seconds
-            if self._simulation.done or (self._paused and now >= self._until_s - 1e-9):
+            if self._simulation.done or (self._paused and now > self._until_s - _NEARLY_S):
                 self._finish()
                 if self._simulation.done and not self._simulation.failed:
                     return
@@ -199,22 +201,21 @@ class Live:
 
     def _reset(self, request: Reset) -> None:
         self._finish()
-        made, world, seed = self._simulation, self._simulation.world, self._simulation.experiment.seed
+        made, seed = self._simulation, self._simulation.experiment.seed
         try:
             made.reset(request.seed, request.start)
         except FieldtruthError:
             if made.experiment.seed != seed:  # else the drive goes on
                 made.reset(seed)
-                self._begun(world)
+                self._begin()
             raise
-        self._begun(world)
+        self._begin()
 
-    def _begun(self, before: World) -> None:
-        """Go on at time 0, in another world than before or in the same."""
+    def _begin(self) -> None:
+        """Go on at time 0, maybe in another world."""
+        made = self._simulation
+        made.prepare()
         self._inbox.forget()
-        self._until_s = 0.0
-        if self._simulation.world is not before:
-            self._simulation.prepare()
-            self._messages = StepMessages(self._simulation, self._messages.latched)
-        self._sink.show(self._simulation.world, self._simulation.experiment.rig)
+        self._until_s, self._messages = 0.0, StepMessages(made, self._messages.latched)
+        self._sink.show(made.world, made.experiment.rig)
         self.pace.begin(0.0)
