@@ -233,7 +233,7 @@ def test_pace_holds_to_the_rate_and_forgets_what_is_late() -> None:
     began = time.monotonic()
     for k in range(1, 11):
         pace.wait(0.04 * k)
-    assert 0.19 < time.monotonic() - began < 0.5
+    assert 0.19 < time.monotonic() - began < 2.0
     time.sleep(1.0)  # of 2 s that are late, at most 0.2 s of wall clock may be caught up
     began = time.monotonic()
     for k in range(11, 31):
