@@ -18,28 +18,12 @@ from numpy.typing import NDArray
 
 import fieldtruth.learning  # noqa: F401 (it registers the environments)
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.learning.policies import path_follower, straight_follower
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 STEPS: Final = 400
 PARTS: Final = ("state", "lidar", "elevation", "elevation/seen", "camera/label", "privileged")
 """Observations whose speed is measured."""
-
-
-def towards(ahead: float, left: float, speed: float = 0.8) -> NDArray[np.float32]:
-    """Action that drives to a point in the robot's frame, and first turns to it where it stands."""
-    angle = float(np.arctan2(left, ahead))
-    return np.array([speed * max(0.0, 1.0 - abs(angle)), np.clip(angle, -1.0, 1.0)], np.float32)
-
-
-def straight_follower(state: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Drive to the goal of ``state`` in a straight line, as the paper's follower does."""
-    return towards(float(state[0]), float(state[1]))
-
-
-def path_follower(privileged: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Drive along the planner's path of ``privileged``."""
-    along = privileged[15:17]  # behind the state of a robot with four wheels, and its position
-    return straight_follower(privileged) if not along.any() else towards(float(along[0]), float(along[1]))
 
 
 def episode(env: gymnasium.Env[Any, Any], policy: Policy, seed: int | None) -> dict[str, Any]:

@@ -8,11 +8,12 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 import pytest
-from rl import episode, path_follower, straight_follower
+from rl import episode
 from small_park import LAYOUT
 
 import fieldtruth.learning  # noqa: F401 (it registers the environments)
 from fieldtruth.learning.environment import FieldEnv
+from fieldtruth.learning.policies import path_follower, straight_follower
 from fieldtruth.world.build import load_world
 
 SMALL: Final[dict[str, Any]] = {"environment": "park", "layout": LAYOUT}

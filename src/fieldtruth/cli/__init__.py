@@ -18,7 +18,7 @@ from importlib import resources
 from typing import Any, Final, NoReturn
 
 import fieldtruth
-from fieldtruth.cli import generation, live, processing, worlds
+from fieldtruth.cli import generation, learning, live, processing, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError, add_arguments
 from fieldtruth.cli.terminal import INTERRUPTED, interrupts, standard_streams
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError, warnings_in_one_line
@@ -27,6 +27,7 @@ USER_ERROR: Final = 2
 _COMMANDS: Final[Mapping[str, Command]] = {
     **generation.COMMANDS,
     **live.COMMANDS,
+    **learning.COMMANDS,
     **processing.COMMANDS,
     **worlds.COMMANDS,
 }

@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A fixed benchmark of Reach: 400 tasks in 40 unseen worlds at three difficulties, and a policy's score on them.
+
+``reach_v1.csv`` lists the tasks; benchmarks/reach_tasks.py drew them. A task is checked when it begins: the planner's
+path must be as long as it was then, or the world is not the one of the list.
+"""
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from importlib import resources
+from itertools import groupby
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.learning.environment import TIME, Reach
+from fieldtruth.learning.policies import Policy, call
+
+NAME: Final = "reach_v1"
+_LIST: Final = resources.files("fieldtruth.learning") / f"{NAME}.csv"
+_SAME_M: Final = 0.05
+"""Greatest difference [m] of a path's length from that of the list."""
+_NORMAL: Final = 1.959964
+"""Quantile of the normal distribution for an interval of 95 %."""
+Result = dict[str, Any]
+
+
+class BenchmarkTask(NamedTuple):
+    """A task of the list."""
+
+    number: int
+    environment: str
+    world: int  # its seed
+    difficulty: float
+    start: tuple[float, float]  # [m]
+    heading: float  # [rad]
+    goal: tuple[float, float]  # [m]
+    shortest: float  # [m] of the planner's path
+
+
+def benchmark_tasks() -> list[BenchmarkTask]:
+    """Return the tasks; those of a world follow each other."""
+    rows = csv.DictReader(_LIST.read_text(encoding="utf-8").splitlines())
+    return [_task_of(row) for row in rows]
+
+
+def _task_of(row: Mapping[str, str]) -> BenchmarkTask:
+    start, goal = (row["start_x"], row["start_y"]), (row["goal_x"], row["goal_y"])
+    return BenchmarkTask(
+        int(row["task"]),
+        row["environment"],
+        int(row["world"]),
+        float(row["difficulty"]),
+        (float(start[0]), float(start[1])),
+        float(row["heading"]),
+        (float(goal[0]), float(goal[1])),
+        float(row["shortest_m"]),
+    )
+
+
+def list_digest() -> str:
+    """Return the first twelve digits of the SHA-256 digest of the list."""
+    return hashlib.sha256(_LIST.read_bytes()).hexdigest()[:12]
+
+
+def drive_task(env: Reach, task: BenchmarkTask, policy: Policy) -> Result:
+    """Drive a task in its world; the metrics of the episode, its number and the cause of its end.
+
+    Raises:
+        ConfigurationError: the world is not that of the list, or the policy fails.
+    """
+    act = policy.load()()
+    options = {"start": task.start, "goal": task.goal, "heading": task.heading}
+    seen, info = env.reset(seed=task.number, options=options)
+    if abs(info["shortest_m"] - task.shortest) > _SAME_M:
+        raise ConfigurationError(
+            f"task {task.number} of {NAME}: the shortest path in {task.environment} (seed {task.world}) has "
+            f"{info['shortest_m']:.2f} m instead of {task.shortest:.2f} m, so this is not the world of the list"
+        )
+    while True:
+        seen, _, terminated, truncated, info = env.step(call(policy, act, seen))
+        if terminated or truncated:
+            metrics = {name: float(value) for name, value in info["metrics"].items()}
+            return {"task": task.number, "cause": info["cause"], **metrics}
+
+
+def _drive_in_world(tasks: Sequence[BenchmarkTask], policy: Policy) -> list[Result]:
+    """Drive tasks of one world, in a process of its own."""
+    env = Reach(tasks[0].environment, worlds=(tasks[0].world,), observation=policy.observation)
+    return [drive_task(env, task, policy) for task in tasks]
+
+
+def score(
+    policy: Policy,
+    out: Path,
+    *,
+    worlds: int = 40,
+    workers: int = 1,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """Drive the tasks of the first ``worlds`` worlds and return their results, in their order.
+
+    Args:
+        policy: what drives.
+        out: file with a line of JSON for each task; tasks that it has are not driven again.
+        worlds: number of worlds.
+        workers: number of processes; each has one world in memory.
+        overwrite: begin anew.
+        progress: receives it.
+
+    Raises:
+        OutputError: the file has results of something else, or cannot be written.
+        ConfigurationError: as ``drive_task``.
+    """
+    head = json.loads(
+        json.dumps(
+            {"benchmark": NAME, "digest": list_digest(), "policy": policy.name, "observation": policy.observation}
+        )
+    )
+    groups = [[*tasks] for _, tasks in groupby(benchmark_tasks(), lambda task: (task.environment, task.world))][:worlds]
+    found = {} if overwrite else _read(out, head)
+    left = [rest for tasks in groups if (rest := [task for task in tasks if task.number not in found])]
+    total = sum(map(len, left))
+    try:
+        with out.open("w", encoding="utf-8") as file:
+            for line in (head, *found.values()):
+                print(json.dumps(line), file=file, flush=True)
+            with (progress or Silent()).stage(f"drive {total} tasks", float(total)) as advance:
+                for results in _results(left, policy, workers):
+                    for result in results:
+                        print(json.dumps(result), file=file)
+                        found[result["task"]] = result
+                    file.flush()
+                    advance(float(len(results)))
+    except OSError as error:
+        raise OutputError(f"cannot write {out}: {error.strerror}") from error
+    return [found[task.number] for tasks in groups for task in tasks]
+
+
+def _results(groups: Sequence[Sequence[BenchmarkTask]], policy: Policy, workers: int) -> Iterator[list[Result]]:
+    """Yield the results of each world as it is done; a process drives one world, whose memory ends with it."""
+    if not groups:
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn"), max_tasks_per_child=1) as pool:
+        jobs = [pool.submit(_drive_in_world, tasks, policy) for tasks in groups]
+        try:
+            for job in as_completed(jobs):
+                yield job.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:
+    """Return results of a file by the number of the task; a last line that was not finished is dropped.
+
+    Raises:
+        OutputError: they are of something else.
+    """
+    if not path.exists():
+        return {}
+    try:
+        first, *lines = path.read_text(encoding="utf-8").splitlines()
+        known = json.loads(first)
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path} is no file of results; choose another, or --overwrite") from error
+    if known != head:
+        differs = ", ".join(key for key in head if not isinstance(known, dict) or known.get(key) != head[key])
+        raise OutputError(f"{path} has results of another {differs}; choose another file, or --overwrite")
+    found = {}
+    for line in lines:
+        try:
+            result = json.loads(line)
+        except ValueError:
+            break
+        found[int(result["task"])] = result
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Table
+
+
+class Interval(NamedTuple):
+    """A mean with the interval that holds the true one with a probability of 95 %."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def share_interval(hits: int, count: int) -> Interval:
+    """Wilson's interval of a share (1927), which holds for few tasks and at 0 and 1, too."""
+    share, z2 = hits / count, _NORMAL**2
+    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
+    half = _NORMAL * np.sqrt(share * (1 - share) / count + z2 / (4 * count**2)) / (1 + z2 / count)
+    return Interval(share, max(0.0, float(middle - half)), min(1.0, float(middle + half)))
+
+
+def mean_interval(values: NDArray[np.float64]) -> Interval:
+    """Normal interval of a mean."""
+    half = _NORMAL * float(values.std(ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else float("nan")
+    return Interval(float(values.mean()), float(values.mean()) - half, float(values.mean()) + half)
+
+
+def table(results: Sequence[Result]) -> str:
+    """Return the score as a table in Markdown: a row for each difficulty, and one for all tasks."""
+    difficulty = {task.number: task.difficulty for task in benchmark_tasks()}
+    levels: list[float | None] = [*sorted({difficulty[each["task"]] for each in results}), None]
+    lines = [
+        "| difficulty | tasks | success | SPL | m/s towards the goal | collisions a task | ends otherwise |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for level in levels:
+        rows = [each for each in results if level is None or difficulty[each["task"]] == level]
+        lines.append(f"| {'all' if level is None else f'{level:g}'} | {len(rows)} | {_cells(rows)} |")
+    return "\n".join(lines)
+
+
+def _cells(rows: Sequence[Result]) -> str:
+    """Return the figures of a row."""
+    done = [each for each in rows if each["success"]]
+    success = share_interval(len(done), len(rows))
+    spl = mean_interval(np.array([each["spl"] for each in rows]))
+    speed = f"{np.median([each['shortest_m'] / each['seconds'] for each in done]):.2f}" if done else "-"
+    hits = mean_interval(np.array([each["collisions"] for each in rows]))
+    causes = [each["cause"] for each in rows if not each["success"]]
+    others = ", ".join(f"{causes.count(each)} {each}" for each in sorted({*causes}, key=lambda c: (c == TIME, c)))
+    return " | ".join(
+        f"{value.mean:.2f} ({value.low:.2f} to {value.high:.2f})" if isinstance(value, Interval) else value
+        for value in (success, spl, speed, hits, others or "-")
+    )
