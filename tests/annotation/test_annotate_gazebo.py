@@ -31,7 +31,7 @@ from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import build_world
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:the bag's own messages")]
 
 EXCERPT: Final = Path(__file__).parent / "data" / "gazebo_park.bag"
 RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), cameras=StereoConfig(rate_hz=1.0, width=320, height=184))

@@ -243,20 +243,28 @@ def headed(topic: str) -> bool:
 FORMS = ["tum", "kitti", "semantickitti", "webdataset", "mmseg", "pcd", "files", "coco", "stereo-depth"]
 
 
+@pytest.fixture(scope="module")
+def repeated(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Bags of a run that was reset, and of one that was looped."""
+    folder = tmp_path_factory.mktemp("repeated")
+    again = rewritten(small_run, folder / "reset.bag", reset)
+    return again, rewritten(small_run, folder / "loop.bag", lambda topic, stamp, data: (stamp, data), passes=2)
+
+
 @pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
 @pytest.mark.parametrize("to", FORMS)
-def test_every_form_refuses_a_run_that_was_reset_or_looped(small_run: Path, tmp_path: Path, to: str) -> None:
-    again = rewritten(small_run, tmp_path / "reset.bag", reset)
-    twice = rewritten(small_run, tmp_path / "loop.bag", lambda topic, stamp, data: (stamp, data), passes=2)
-    for bag in (again, twice):
+def test_every_form_refuses_a_run_that_was_reset_or_looped(
+    repeated: tuple[Path, Path], tmp_path: Path, to: str
+) -> None:
+    for bag in repeated:
         with pytest.raises(BagError, match=r"stamps of /\S+ go back from \d+ ns to \d+ ns.*; cut the bag there"):
             ft.export(bag, to, out=tmp_path / "out", workers=2)
         assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
-def test_data_sets_and_track_files_refuse_them_too(small_run: Path, tmp_path: Path) -> None:
-    again = rewritten(small_run, tmp_path / "reset.bag", reset)
+def test_data_sets_and_track_files_refuse_them_too(repeated: tuple[Path, Path]) -> None:
+    again, _ = repeated
     with pytest.raises(BagError, match="go back"):
         ft.RunDataset(again)
     with pytest.raises(BagError, match="go back"):

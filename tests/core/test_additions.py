@@ -91,9 +91,21 @@ Adding = Callable[[Path], dict[str, str]]
 ADDINGS = pytest.mark.parametrize("adding", [as_package, as_folder])
 
 
+LISTS = """
+from fieldtruth.cli import main
+for what in ("environments", "robots", "sensors", "label-maps", "formats"):
+    assert main(["list", what]) == 0
+    print("----")
+"""
+
+
 def fieldtruth(env: dict[str, str], cwd: Path, *arguments: str) -> str:
     """Run the command line in a new process, and return what it prints."""
-    command = [sys.executable, "-m", "fieldtruth.cli", *arguments]
+    return python(env, cwd, "-m", "fieldtruth.cli", *arguments)
+
+
+def python(env: dict[str, str], cwd: Path, *arguments: str) -> str:
+    command = [sys.executable, *arguments]
     ended = subprocess.run(command, env=env, cwd=cwd, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     return ended.stdout
@@ -102,12 +114,12 @@ def fieldtruth(env: dict[str, str], cwd: Path, *arguments: str) -> str:
 @ADDINGS
 def test_additions_are_listed(adding: Adding, tmp_path: Path) -> None:
     env = adding(tmp_path)
-    listed = {what: fieldtruth(env, tmp_path, "list", what) for what in ("environments", "robots", "sensors")}
-    assert re.search(r"^  meadow +Meadow: gentle hills$", listed["environments"], re.MULTILINE)
-    assert re.search(r"^  rabbit +Rabbit: 18 kg", listed["robots"], re.MULTILINE)
-    assert re.search(r"^  tiny +Tiny \(Puck\)", listed["sensors"], re.MULTILINE)
-    assert re.search(r"^  two +2 classes$", fieldtruth(env, tmp_path, "list", "label-maps"), re.MULTILINE)
-    assert re.search(r"^  count +number of messages$", fieldtruth(env, tmp_path, "list", "formats"), re.MULTILINE)
+    environments, robots, sensors, maps, formats, _ = python(env, tmp_path, "-c", LISTS).split("----\n")
+    assert re.search(r"^  meadow +Meadow: gentle hills$", environments, re.MULTILINE)
+    assert re.search(r"^  rabbit +Rabbit: 18 kg", robots, re.MULTILINE)
+    assert re.search(r"^  tiny +Tiny \(Puck\)", sensors, re.MULTILINE)
+    assert re.search(r"^  two +2 classes$", maps, re.MULTILINE)
+    assert re.search(r"^  count +number of messages$", formats, re.MULTILINE)
 
 
 @pytest.mark.slow

@@ -47,8 +47,7 @@ def forest(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
     return make_world(obstacles=trunks)
 
 
-@pytest.mark.parametrize("length", [20.0, 50.0, 200.0])
-@pytest.mark.parametrize("speed", [0.3, 1.0])
+@pytest.mark.parametrize(("length", "speed"), [(20.0, 1.0), (50.0, 0.3), (200.0, 1.0)])
 def test_length_is_as_requested_and_waypoints_are_5_to_20_m_apart(length: float, speed: float) -> None:
     experiment = random_experiment(length, 1, control=ControlConfig(speed=speed))
     route = plan_route(make_world(), experiment, verify=False)
@@ -69,15 +68,15 @@ def test_length_on_a_slope_is_measured_along_the_ground() -> None:
 
 def test_same_seed_gives_same_route_and_other_seed_another() -> None:
     world = forest()
-    routes = [plan_route(world, random_experiment(80.0, seed), verify=False) for seed in (3, 3, 4, 5)]
+    routes = [plan_route(world, random_experiment(40.0, seed), verify=False) for seed in (3, 3, 4)]
     assert routes[0] == routes[1]
-    assert len({route.start for route in routes}) == 3
+    assert len({route.start for route in routes}) == 2
 
 
 def test_path_keeps_its_gap_to_every_trunk() -> None:
     world = forest()
     trunks = np.array([i.world_from_object[:2, 3] for i in world.instances])
-    for seed in range(6):
+    for seed in range(2):
         experiment = random_experiment(80.0, seed)
         path = path_of(plan_route(world, experiment, verify=False), experiment)
         away = np.linalg.norm(path[:, None, :2] - trunks, axis=-1).min()
@@ -92,7 +91,7 @@ def test_path_passes_through_a_gap_in_a_wall() -> None:
         obstacle("north", "box", (0.3, 5.0, 1.0), 0.0, 7.5),
     ]
     world = make_world(obstacles=wall)
-    for seed in range(4):
+    for seed in range(2):
         experiment = random_experiment(120.0, seed)
         path = path_of(plan_route(world, experiment, verify=False), experiment)
         crossing = path[1:][np.diff(np.sign(path[:, 0])) != 0]
@@ -144,16 +143,16 @@ def test_random_route_in_the_park_is_driven_to_its_end() -> None:
 
 @pytest.mark.parametrize("seconds", [None, 1.0])
 def test_the_drive_of_the_planning_is_the_result_and_a_shorter_run_is_its_beginning(seconds: float | None) -> None:
-    world = make_world()
-    experiment = random_experiment(20.0, 3).model_copy(update={"seconds": seconds})
+    world, quick = make_world(), ControlConfig(speed=1.0)
+    experiment = random_experiment(20.0, 3, control=quick).model_copy(update={"seconds": seconds})
     route = plan_route(world, experiment, verify=False)
     expected = drive(world, experiment.model_copy(update={"route": route}))
     advanced = list[float]()
     track = plan_and_drive(world, experiment, advanced.append)
     np.testing.assert_array_equal(track.motion.position, expected.motion.position)
     assert min(advanced) >= 0.0
-    assert sum(advanced) == pytest.approx(20.0 / experiment.control.speed, abs=2.0)
-    assert expected_seconds(experiment) == (seconds or 20.0 / experiment.control.speed)
+    assert sum(advanced) == pytest.approx(20.0, abs=2.0)
+    assert expected_seconds(experiment) == (seconds or 20.0)
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def stony_hills() -> World:
     return with_stones(world, [box("stone", [0.1, 0.1, 0.05], "rock_granite")], [0] * 150, poses)
 
 
-@pytest.fixture(params=["one part", "parts"])
+@pytest.fixture(params=[pytest.param("one part", marks=pytest.mark.slow), "parts"])
 def world(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> World:
     if request.param == "parts":
         monkeypatch.setattr("fieldtruth.drive.ground.WHOLE", 20.0)
@@ -59,9 +59,9 @@ def assert_equal(track: Track, expected: Track) -> None:
 
 def test_waypoints_that_are_added_one_by_one_make_the_same_drive(world: World) -> None:
     trial = trial_of(world)
-    for count in range(2, len(ROUTE) + 1):
+    for count in range(2, 5):
         assert trial.reached(ROUTE[:count]) == count - 1
-    assert_equal(trial.finish(), driven(world, ROUTE))
+    assert_equal(trial.finish(), driven(world, ROUTE[:4]))
 
 
 @pytest.mark.slow

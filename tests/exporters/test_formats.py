@@ -31,6 +31,7 @@ def digest(path: Path) -> dict[str, str]:
 NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth")
 OF_WORLDS = ("kitti-object", "occupancy")
 """Formats that build the world of experiment.yaml."""
+pytestmark = pytest.mark.usefixtures("in_park")
 
 
 @pytest.fixture(scope="module")

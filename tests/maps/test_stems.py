@@ -41,7 +41,7 @@ def scan(noise: float, turn_deg: float, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate(parts)
 
 
-@pytest.mark.parametrize(("noise", "turn", "within"), [(0.003, 360, 0.06), (0.003, 180, 0.06), (0.015, 270, 0.2)])
+@pytest.mark.parametrize(("noise", "turn", "within"), [(0.003, 180, 0.06), (0.015, 270, 0.2)])
 def test_stems_are_found_with_their_diameters_and_bushes_are_none(noise: float, turn: float, within: float) -> None:
     rng = np.random.default_rng(5)
     found = sorted(find_stems(scan(noise, turn, rng), rng))
@@ -115,14 +115,14 @@ def test_a_scan_from_the_air_shows_no_stems(tmp_path: Path) -> None:
 def test_stems_are_found_in_undergrowth() -> None:
     """All of a plot is one cluster then, of which three points at random are hardly ever of one stem."""
     rng = np.random.default_rng(2)
-    at = np.stack(np.meshgrid([-2.5, 0.0, 2.5], [-2.5, 0.0, 2.5]), axis=-1).reshape(-1, 2)
-    turn, height = rng.uniform(0, 2 * np.pi, (9, 600)), rng.uniform(1.0, 2.2, (9, 600))
+    at = np.stack(np.meshgrid([-1.25, 1.25], [-1.25, 1.25]), axis=-1).reshape(-1, 2)
+    turn, height = rng.uniform(0, 2 * np.pi, (4, 600)), rng.uniform(1.0, 2.2, (4, 600))
     stems = np.stack([at[:, :1] + 0.12 * np.cos(turn), at[:, 1:] + 0.12 * np.sin(turn), height], axis=-1)
-    low = np.column_stack([rng.uniform(-4, 4, (300 * 64, 2)), rng.uniform(1.0, 1.6, 300 * 64)])
+    low = np.column_stack([rng.uniform(-2.5, 2.5, (300 * 25, 2)), rng.uniform(1.0, 1.6, 300 * 25)])
     low = low[np.linalg.norm(low[:, None, :2] - at, axis=2).min(axis=1) > 0.15]  # stems hide it
     found = find_stems(np.concatenate([stems.reshape(-1, 3), low]), rng)
     away = np.linalg.norm(np.array([circle[:2] for circle in found])[:, None] - at, axis=2)
-    assert (away.min(axis=0) < 0.03).sum() >= 8
+    assert (away.min(axis=0) < 0.03).all()
     assert (away.min(axis=1) < 0.03).all()
 
 
