@@ -67,7 +67,7 @@ with_layouts: st.SearchStrategy[dict[str, Any]] = campaigns.map(
 
 
 @given(campaigns | with_layouts)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_a_world_is_in_one_split_and_every_split_has_its_share(values: dict[str, Any]) -> None:
     planned = Campaign.model_validate(values)
     shares = values["split"]

@@ -16,6 +16,7 @@ from fieldtruth.world.model import World
 WHERE = (
     r" at (?P<t>[\d.]+) s, x, y = (?P<x>-?[\d.]+), (?P<y>-?[\d.]+) m, heading for waypoint (?P<k>\d+) of (?P<n>\d+)$"
 )
+QUICK = ControlConfig(speed=1.0)
 
 
 def failure(world: World, *waypoints: tuple[float, float], **changes: object) -> tuple[str, float, float, float, str]:
@@ -42,16 +43,16 @@ def test_wall_is_touched_by_the_front_of_the_robot() -> None:
 
 def test_trunk_beside_the_path_is_touched_by_the_side() -> None:
     near = make_world(obstacles=[obstacle("oak_1", "cylinder", (0.2, 4.0), 4.0, 0.52)])
-    assert failure(near, (9.0, 0.0))[0] == "robot touched oak_1"
+    assert failure(near, (9.0, 0.0), control=QUICK)[0] == "robot touched oak_1"
     clear = make_world(obstacles=[obstacle("oak_1", "cylinder", (0.2, 4.0), 4.0, 0.57)])
-    drive(clear, make_experiment([(9.0, 0.0)]))
+    drive(clear, make_experiment([(9.0, 0.0)], control=QUICK))
 
 
 def test_mast_collides_with_a_table() -> None:
     table = obstacle("table_3", "box", (1.0, 1.0, 0.05), 4.0, 0.0, z=0.7)
-    assert failure(make_world(obstacles=[table]), (9.0, 0.0))[0] == "robot touched table_3"
+    assert failure(make_world(obstacles=[table]), (9.0, 0.0), control=QUICK)[0] == "robot touched table_3"
     branch = obstacle("branch", "box", (1.0, 1.0, 0.05), 4.0, 0.0, z=1.05)
-    drive(make_world(obstacles=[branch]), make_experiment([(9.0, 0.0)]))
+    drive(make_world(obstacles=[branch]), make_experiment([(9.0, 0.0)], control=QUICK))
 
 
 def test_start_inside_an_obstacle_fails_at_time_0() -> None:
@@ -91,6 +92,7 @@ def test_robot_gets_stuck_in_a_pit() -> None:
     assert np.hypot(x, y) < 1.2
 
 
+@pytest.mark.slow
 def test_circling_a_waypoint_counts_as_stuck() -> None:
     control = ControlConfig(speed=1.0, max_turn_rate=0.6, arrival_distance=0.5)
     what, *_, waypoint = failure(make_world(), (3.0, 0.0), (3.0, 2.0), control=control)

@@ -89,9 +89,7 @@ def test_cells_near_the_edge_are_blocked() -> None:
     assert np.isneginf(ground.clearance_at([(30.0, 0.0)])).all()
 
 
-@pytest.mark.parametrize(
-    ("slope", "blockage"), [(10.0, Blockage.NONE), (19.0, Blockage.NONE), (21.0, Blockage.STEEP), (25, Blockage.STEEP)]
-)
+@pytest.mark.parametrize(("slope", "blockage"), [(19.0, Blockage.NONE), (21.0, Blockage.STEEP)])
 @pytest.mark.parametrize("spacing", [0.1, 0.2])
 def test_ramps_steeper_than_20_deg_are_blocked(slope: float, blockage: Blockage, spacing: float) -> None:
     for ramp in (tilted(slope, 0.0), tilted(0.0, -slope)):

@@ -17,7 +17,7 @@ MOUNTS = np.array([Rig().mounts()[f"{name}_wheel"].xyz for name in WHEELS])
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0), (10.0, 0.0), (-6.0, 8.0)])
-@pytest.mark.parametrize(("speed", "turn_rate"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.3), (0.0, 0.5), (0.8, 0.8)])
+@pytest.mark.parametrize(("speed", "turn_rate"), [(0.0, 0.0), (0.3, 0.3), (0.8, 0.8)])
 def test_driving_on_a_plane_does_not_shake(tilt: tuple[float, float], speed: float, turn_rate: float) -> None:
     robot = make_robot(make_world(tilted(*tilt), spacing=0.1), (-4.0, 0.0), yaw_deg=20.0)
     robot.advance(Command(speed, turn_rate), 2000)

@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,13 +92,13 @@ def truth(kinds: dict[str, Any]) -> Truth:
 
 
 @pytest.fixture(scope="module")
-def bag(small_run: Path) -> Bag:
-    return read(small_run / "park_1.bag")
+def bag(brief_run: Path) -> Bag:
+    return read(brief_run / "park_1.bag")
 
 
 @pytest.fixture(scope="module")
-def made(exported: Callable[[str], Path]) -> Path:
-    return exported("coco")
+def made(brief_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return export(brief_run, "coco", out=tmp_path_factory.mktemp("coco") / "park_1", workers=2)
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +153,7 @@ def test_masks_are_the_pixels_of_one_class_and_object(made: Path, bag: Bag) -> N
             assert annotation["bbox"] == masks.toBbox(rle).tolist()
             assert annotation["iscrowd"] == (annotation["object_id"] == 0)
             crowds += annotation["iscrowd"]
-    assert crowds > 60
+    assert crowds > 20
     assert {category["id"]: category["name"] for category in data.dataset["categories"]} == THINGS
     assert {row["id"]: row["name"] for row in data.dataset["objects"]} == dict(enumerate(bag.names))
 
@@ -239,14 +238,7 @@ def test_object_positions_project_into_their_masks(made: Path, bag: Bag) -> None
         assert x - 1.5 <= u / w <= x + width + 0.5, annotation
         assert v / w >= y + height / 2
         checked += 1
-    assert checked > 60
-
-
-def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
-    alone = export(small_run, "coco", out=tmp_path / "alone", workers=1)
-    files = sorted(p.relative_to(made) for p in made.rglob("*") if p.is_file())
-    assert files == sorted(p.relative_to(alone) for p in alone.rglob("*") if p.is_file())
-    assert all((made / file).read_bytes() == (alone / file).read_bytes() for file in files)
+    assert checked > 20
 
 
 @pytest.mark.parametrize("name", ["rellis", "goose9", "ganav6"])

@@ -190,7 +190,8 @@ def test_empty_cloud_becomes_an_empty_file(bag: Path, tmp_path: Path) -> None:
     assert file.metadata.points == file.metadata.width == 0
 
 
-def test_errors_are_one_line(bag: Path, tmp_path: Path) -> None:
+def test_errors_are_one_line(lean_run: Path, tmp_path: Path) -> None:
+    bag = lean_run / "park_1.bag"
     cases = {
         "no_clouds": (
             without(bag, tmp_path / "no_clouds.bag", POINTS),

@@ -4,7 +4,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -256,7 +255,7 @@ def test_boxes_need_instance_images(short: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.bag"]
 
 
-def test_coco_without_boxes_is_as_before(exported: Callable[[str], Path]) -> None:
-    document = json.loads((exported("coco") / "instances.json").read_text())
+def test_coco_without_boxes_is_as_before(short: Path, tmp_path: Path) -> None:
+    document = json.loads((export(short, "coco", out=tmp_path / "coco") / "instances.json").read_text())
     assert all("amodal_bbox" not in each for each in document["annotations"])
     assert all(each.keys() == {"id", "name"} for each in document["objects"])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from small_park import small_park
 
 from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
@@ -17,11 +18,11 @@ from fieldtruth.world.relief import with_microrelief
 
 
 def test_the_layout_is_written_and_named_in_the_readme(tmp_path: Path) -> None:
-    world = replace(load_world("park"), layout={"grid": 0.2, "benches": 3})
+    world = replace(small_park(), layout={"grid": 0.2, "benches": 3})
     write_ros_package(tmp_path, world, Rig(), "classic")
     assert yaml.safe_load((tmp_path / "config/layout.yaml").read_text()) == {"grid": 0.2, "benches": 3}
     assert "--environment park --seed 0 --layout config/layout.yaml --lidar" in (tmp_path / "README.md").read_text()
-    write_ros_package(tmp_path / "default", load_world("park"), Rig(), "classic")
+    write_ros_package(tmp_path / "default", replace(world, layout={}), Rig(), "classic")
     assert not (tmp_path / "default/config/layout.yaml").exists()
 
 

@@ -173,7 +173,7 @@ def concave_corner(corners: Array) -> int:
 def test_a_quad_is_divided_again_into_its_two_triangles_by_every_rule() -> None:
     """Of folded and bent pairs of triangles; those that a rule would divide otherwise stay triangles."""
     rng, merged = np.random.default_rng(5), 0
-    for _ in range(3000):
+    for _ in range(800):
         points = rng.normal(size=(4, 3)) * (1.0, 1.0, rng.choice([0.0, 0.1, 1.0]))
         faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
         up, uv = np.tile(np.array([0, 0, 1], np.float32), (4, 1)), np.zeros((4, 2), np.float32)
@@ -196,7 +196,7 @@ def test_a_quad_is_divided_again_into_its_two_triangles_by_every_rule() -> None:
                     found.add(frozenset(map(tuple, read[turned])))
             assert found == expected, (rule, points)
         merged += len(rows) == 1
-    assert merged > 500
+    assert merged > 100
 
 
 def test_members_of_swarms_that_share_files_are_the_same_triangles(

@@ -178,6 +178,7 @@ def test_a_missing_library_is_named_with_its_extra(
     assert "error: the library osmium is not installed; run: pip install 'fieldtruth[maps]'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_fixes_of_a_site_are_those_of_the_map(tmp_path: Path) -> None:
     """Positions of the robot in degrees, against PROJ by way of the earth's centre, within 1 mm."""
     raster(tmp_path / "dem.tif")
