@@ -132,7 +132,7 @@ def test_items_of_a_data_set_are_those_of_the_bag(lean_run: Path, made: Path) ->
     ours, theirs = RunDataset(lean_run, items), RunDataset(made, items)
     assert theirs.run.experiment == ours.run.experiment is not None
     assert len(ours) == len(theirs) > 1
-    for i in (len(ours) - 1, 0, 2):  # in any order
+    for i in (len(ours) - 1, 0):  # in any order
         a, b = ours[i], theirs[i]
         assert a.keys() == b.keys()
         for key, value in a.items():

@@ -12,7 +12,7 @@ from fieldtruth.drive import surroundings
 from fieldtruth.drive.plan import TrialDrive
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.config import route_from_metres
+from fieldtruth.experiment.config import ControlConfig, route_from_metres
 from fieldtruth.world.model import World
 
 ROUTE = np.array([(-10.0, -3.0), (-6.0, -3.0), (-2.0, -1.0), (1.0, 2.0), (-2.0, 4.0), (-5.0, 2.0)])
@@ -35,13 +35,15 @@ def world(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Wo
     return stony_hills()
 
 
-def driven(world: World, corners: F8) -> Track:
+def driven(world: World, corners: F8, speed: float = 0.3) -> Track:
     route = route_from_metres(corners[0].tolist(), corners[1:].tolist())
-    return drive(world, make_experiment([(5.0, 0.0)]).model_copy(update={"route": route}))
+    return drive(
+        world, make_experiment([(5.0, 0.0)], control=ControlConfig(speed=speed)).model_copy(update={"route": route})
+    )
 
 
-def trial_of(world: World) -> TrialDrive:
-    return TrialDrive(world, make_experiment([(5.0, 0.0)]))
+def trial_of(world: World, speed: float = 0.3) -> TrialDrive:
+    return TrialDrive(world, make_experiment([(5.0, 0.0)], control=ControlConfig(speed=speed)))
 
 
 def assert_equal(track: Track, expected: Track) -> None:
@@ -58,10 +60,10 @@ def assert_equal(track: Track, expected: Track) -> None:
 
 
 def test_waypoints_that_are_added_one_by_one_make_the_same_drive(world: World) -> None:
-    trial = trial_of(world)
+    trial = trial_of(world, 0.8)
     for count in range(2, 5):
         assert trial.reached(ROUTE[:count]) == count - 1
-    assert_equal(trial.finish(), driven(world, ROUTE[:4]))
+    assert_equal(trial.finish(), driven(world, ROUTE[:4], 0.8))
 
 
 @pytest.mark.slow

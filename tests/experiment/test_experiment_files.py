@@ -98,7 +98,7 @@ experiments = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(experiments)
 def test_any_valid_experiment_survives_dump_and_load(experiment: Experiment) -> None:
     assert parse_experiment(dump_experiment(experiment)) == experiment
