@@ -69,7 +69,7 @@ def test_a_triangle_marks_the_voxels_that_it_passes_through_and_no_other() -> No
         cells = (weights @ corners - lattice.origin) / 0.1
         assert {tuple(row) for row in np.floor(cells).astype(int).tolist()} <= {tuple(row) for row in marked.tolist()}
         away, _ = cKDTree(cells).query(marked + 0.5, p=np.inf)  # along the axis where it is farthest
-        assert away.max() < 0.56  # a sample is in each, or nearer to it than samples are apart
+        assert np.max(away) < 0.56  # a sample is in each, or nearer to it than samples are apart
 
 
 def test_ground_has_the_classes_of_trail_and_soil_on_either_side_of_the_edge() -> None:
