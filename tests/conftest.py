@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import pytest
 from filelock import FileLock
@@ -19,6 +19,7 @@ from numpy.random import Generator
 from small_park import in_small_park
 
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core.arrays import Float32Array
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
@@ -274,6 +275,7 @@ def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
 
 
 _DAYS: Final = dict[Any, Daylight]()
+_HEAPS: Final = dict[Any, Any]()
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -285,7 +287,18 @@ def _sky_of_folder(request: pytest.FixtureRequest) -> None:
 
 @pytest.fixture(scope="module")
 def small_sky() -> Iterator[None]:
-    """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds."""
+    """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds.
+
+    Skies that differ in sun or size alone have the same heaps of clouds, which are made once as well.
+    """
+    make = daylight.cumulus_map
+
+    def heaps(rng: Generator, cover: float, thickness: float) -> Float32Array:
+        key = str(rng.bit_generator.state), cover, thickness
+        if key not in _HEAPS:
+            _HEAPS[key] = make(rng, cover, thickness), rng.bit_generator.state
+        amount, rng.bit_generator.state = _HEAPS[key]
+        return cast(Float32Array, amount)
 
     def day_of(
         light: Light, size: tuple[float, float], rng: Generator, pool: ThreadPoolExecutor, texels: int
@@ -297,5 +310,6 @@ def small_sky() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(daylight, "DOME_TEXELS", 512)
+        patch.setattr(daylight, "cumulus_map", heaps)
         patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
         yield

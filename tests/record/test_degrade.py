@@ -44,8 +44,8 @@ def ideal(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     "signal",
-    [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}, OF_MOTION],
-    ids=["lidar, imu, gnss", "cameras", "imu, gnss"],
+    [NOISE | {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}, OF_MOTION],
+    ids=["lidar, cameras, imu, gnss", "imu, gnss"],
 )
 def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: Path, tmp_path: Path) -> None:
     """A spinning LiDAR needs poses after the last stamp, which no bag has."""

@@ -66,10 +66,10 @@ def joined_lines(out: Path) -> int:
 
 
 def start(out: Path) -> subprocess.Popen[bytes]:
-    """Start a run of 4 s that takes about 4 s, and wait until it has joined its first slice."""
+    """Start a run of 2.5 s that takes about 2.5 s, and wait until it has joined its first slice."""
     script = Path(__file__).with_name("slow_run.py")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, str(script), str(out), "4.0", "0.04"]
+    command = [sys.executable, str(script), str(out), "2.5", "0.04"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, env=environment)
     end = time.monotonic() + 60
     while not joined_lines(out):
@@ -81,19 +81,19 @@ def start(out: Path) -> subprocess.Popen[bytes]:
 
 @pytest.mark.parametrize("sign", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_an_interrupted_run_resumes_and_ends_with_the_same_bytes(tmp_path: Path, sign: signal.Signals) -> None:
-    whole = generate(make_experiment(4.0), tmp_path / "whole", workers=1).read_bytes()
+    whole = generate(make_experiment(2.5), tmp_path / "whole", workers=1).read_bytes()
     process = start(tmp_path)
     process.send_signal(sign)
     process.communicate()
     assert process.returncode != 0
     joined = joined_lines(tmp_path)
-    assert 0 < joined < 40
+    assert 0 < joined < 25
     assert not (tmp_path / "tiny" / "tiny.bag").exists()
     if sign == signal.SIGINT:  # a killed process cannot clean up
         assert not list(tmp_path.glob("tiny/.slices/*/*.part"))
 
     notes = Notes()
-    bag = generate(make_experiment(4.0), tmp_path, workers=2, progress=notes)
+    bag = generate(make_experiment(2.5), tmp_path, workers=2, progress=notes)
     assert bag.read_bytes() == whole
     assert listing(tmp_path / "tiny") == FILES
     assert notes.stages["sense and label"][1] >= joined / 10 - 1e-9
@@ -294,19 +294,28 @@ SHAPES_SLICES = (
 LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "degradation", "cli/__main__")
 
 
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the package's sources."""
+    root = tmp_path_factory.mktemp("sources")
+    source = Path(pipeline.__file__).parent
+    shutil.copytree(source, root / "fieldtruth", ignore=shutil.ignore_patterns("__pycache__"))
+    return root
+
+
 @pytest.mark.parametrize(
     ("module", "changes"), [*((m, True) for m in SHAPES_SLICES), *((m, False) for m in LEAVES_SLICES)]
 )
 def test_only_edits_of_code_that_makes_slices_change_their_key(
-    module: str, changes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    module: str, changes: bool, sources: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = Path(pipeline.__file__).parent
-    shutil.copytree(source, tmp_path / "fieldtruth", ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(cache, "_ROOT", tmp_path)
+    monkeypatch.setattr(cache, "_ROOT", sources)
     cache._sources_digest.cache_clear()
     before = slices_key()
-    edited = tmp_path / "fieldtruth" / f"{module}.py"
-    edited.write_text(edited.read_text() + "# edited\n")
+    edited = sources / "fieldtruth" / f"{module}.py"
+    text = edited.read_text()
+    edited.write_text(text + "# edited\n")
     cache._sources_digest.cache_clear()
     assert (slices_key() != before) == changes
+    edited.write_text(text)
     cache._sources_digest.cache_clear()

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
 import errno
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -38,16 +39,22 @@ def test_bytes_depend_on_the_seed_and_not_on_the_number_of_workers(whole: bytes,
     assert joined(tmp_path / "other", 2, seed=1) != alone
 
 
-def interrupted(folder: Path) -> Slices:
-    """All slices of the recording, none of them joined."""
-    folder.mkdir()
-    slices = make_slices(folder, EXPERIMENT)
-    slices.make(1)
-    return slices
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of all slices of the recording, none of them joined."""
+    folder = tmp_path_factory.mktemp("made")
+    make_slices(folder, EXPERIMENT).make(1)
+    return folder
 
 
-def test_only_missing_slices_are_made(whole: bytes, tmp_path: Path) -> None:
-    slices = interrupted(tmp_path / "again")
+@pytest.fixture
+def slices(made: Path, tmp_path: Path) -> Slices:
+    """All slices of the recording, in a folder of their own."""
+    shutil.copytree(made, tmp_path / "again")
+    return make_slices(tmp_path / "again", EXPERIMENT)
+
+
+def test_only_missing_slices_are_made(whole: bytes, slices: Slices) -> None:
     kept = slices.path(0).stat().st_mtime_ns
     slices.path(2).unlink()
     slices.path(1).rename(slices.path(1).with_suffix(".bag.part"))  # the state after a kill
@@ -101,16 +108,14 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE.keys())
-def test_a_damaged_slice_is_made_again(whole: bytes, tmp_path: Path, damage: Callable[[Path], object]) -> None:
-    slices = interrupted(tmp_path / "again")
+def test_a_damaged_slice_is_made_again(whole: bytes, slices: Slices, damage: Callable[[Path], object]) -> None:
     damage(slices.path(2))
     assert not slices.is_intact(2)
     slices.record(slices.folder / "x.bag", 1, Silent())
     assert (slices.folder / "x.bag").read_bytes() == whole
 
 
-def test_a_slice_that_is_damaged_before_it_is_joined_is_one_line(whole: bytes, tmp_path: Path) -> None:
-    slices = interrupted(tmp_path / "again")
+def test_a_slice_that_is_damaged_before_it_is_joined_is_one_line(whole: bytes, slices: Slices) -> None:
     with GrowingBag(slices.folder / "x.bag", slices.topics) as bag:
         flip(slices.path(1), 5000)
         with pytest.raises(OutputError, match=r"000001\.bag was damaged on the disk; run the same command again"):
@@ -131,8 +136,7 @@ def stop_after(slices: Slices, count: int) -> None:
 
 
 @pytest.mark.parametrize("change", [None, 200, 3_000_000, -70, "journal", "torn journal", "index"])
-def test_joining_goes_on_after_a_crash_with_the_same_bytes(whole: bytes, tmp_path: Path, change: object) -> None:
-    slices = interrupted(tmp_path / "again")
+def test_joining_goes_on_after_a_crash_with_the_same_bytes(whole: bytes, slices: Slices, change: object) -> None:
     bag, journal = slices.folder / "x.bag", slices.folder / "x.bag.journal"
     stop_after(slices, 3)
     if isinstance(change, int):

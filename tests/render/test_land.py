@@ -4,19 +4,19 @@
 
 import numpy as np
 import pytest
+from kept_worlds import KEPT
 
 from fieldtruth.kernels.gbuffer import FADES, near_edge
 from fieldtruth.kernels.light import MaterialTable
 from fieldtruth.kernels.textures import is_steep
 from fieldtruth.render.materials import material_table
-from fieldtruth.world.build import load_world
 
 FAR = np.array([0.5, 0.02, 0.3], np.float32)  # no ground has this colour
 
 
 @pytest.fixture(scope="module")
 def materials() -> MaterialTable:
-    return material_table(load_world("park"))
+    return material_table(KEPT.load_world("park"))
 
 
 def land(materials: MaterialTable, x: float, y: float) -> np.ndarray:

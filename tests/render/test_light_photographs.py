@@ -22,8 +22,8 @@ NAMES: tuple[Preset, ...] = ("clear_morning", "dusk", "overcast")
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    card = quad("card", [[33.5, -0.5, 1.0], [34.5, -0.5, 1.0], [34.5, 0.5, 1.0], [33.5, 0.5, 1.0]])
-    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=76.0))
+    card = quad("card", [[17.5, -0.5, 1.0], [18.5, -0.5, 1.0], [18.5, 0.5, 1.0], [17.5, 0.5, 1.0]])
+    return Scene(make_world([(card, at(0, 0, 0)), (box("box", (0.5, 0.5, 0.5)), at(6, 2, 0.5))], side=44.0))
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_exposed_level_ground_is_as_bright_in_any_light(name: Preset, baked: dic
     """The meter: open ground without anything on it has the same share of what white ground would have."""
     shading = _dark_ground(baked[name].shading, 0.3)
     camera = Camera(SMALL, BakedScene(scene=baked[name].scene, shading=shading))
-    camera.render(transforms.pose((-30, -30, 3.0), (0, 90, 0)) @ OPTICAL)
+    camera.render(transforms.pose((-15, -15, 3.0), (0, 90, 0)) @ OPTICAL)
     light = shading.light
     white = light.sun_rgb * max(float(light.sun[2]), 0.0) / np.pi + light.dome.mean
     found = camera._framebuffer.linear @ LUMINANCE
@@ -92,7 +92,7 @@ def test_level_card_has_the_radiance_of_the_model(baked: dict[str, BakedScene]) 
         shading = each.shading
         dull = shading.materials._replace(gloss=np.zeros_like(shading.materials.gloss))
         camera = Camera(SMALL, BakedScene(scene=each.scene, shading=shading._replace(materials=dull)))
-        images = camera.render(transforms.pose((34.0, 0.0, 1.9), (0, 90, 0)) @ OPTICAL)
+        images = camera.render(transforms.pose((18.0, 0.0, 1.9), (0, 90, 0)) @ OPTICAL)
         card = images.instance == images.instance[92, 160]
         assert card.mean() > 0.5
         light = shading.light

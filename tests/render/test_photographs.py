@@ -18,7 +18,7 @@ from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 SMALL = StereoConfig(width=320, height=184)
-SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]
+SUNS = [(118.0, 41.0), (250.0, 30.0), (-40.0, 60.0)]
 
 
 def cluttered() -> Scene:

@@ -3,6 +3,7 @@
 """Daylight has the illuminance, the contrast and the colours that are published, for any sun and any clouds."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ SMALL = 256
 CLEAR = Light(180.0, 40.0, "none", 0.0, 2.5, 0.0)
 
 
+@cache
 def day(light: Light, workers: int = 2, seed: int = 0) -> Daylight:
     with ThreadPoolExecutor(workers) as pool:
         return daylight(light, (100.0, 100.0), np.random.default_rng(seed), pool, SMALL)
@@ -141,7 +143,9 @@ def test_more_cover_is_more_cloud_and_clouds_are_white(cover: float) -> None:
     assert np.median(cloud[:, 2] / cloud[:, 0]) < 1.25 < 1.8 < np.median(blue[:, 2] / blue[:, 0])
 
 
-@pytest.mark.parametrize(("cover", "reached"), [(0.1, 0.1), (0.5, 0.5), (0.9, 0.9), (1.0, FULLEST)])
+@pytest.mark.parametrize(
+    ("cover", "reached"), [(0.1, 0.1), (0.5, 0.5), pytest.param(1.0, FULLEST, marks=pytest.mark.slow)]
+)
 def test_cumulus_have_the_cover(cover: float, reached: float) -> None:
     amount = cumulus_map(np.random.default_rng(2), cover, 900.0)
     assert amount.max() <= 1.0

@@ -47,7 +47,7 @@ def _linear(baked: BakedScene) -> tuple[Float32Array, Float32Array]:
     return linear[V, U], linear[V, 260]
 
 
-@pytest.mark.parametrize("visibility", [WALL / 2, WALL, 2 * WALL, 4 * WALL])
+@pytest.mark.parametrize("visibility", [WALL, 4 * WALL])
 def test_contrast_of_a_black_object_is_five_percent_at_the_visibility(scene: Scene, visibility: float) -> None:
     wall, sky = _linear(_black(bake(scene, LightConfig(), WeatherConfig(fog_visibility_m=visibility))))
     np.testing.assert_allclose((sky - wall) / sky, 0.05 ** (RANGE / visibility), rtol=0.02, atol=1e-4)

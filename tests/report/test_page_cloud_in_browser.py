@@ -39,6 +39,7 @@ def test_cloud_is_visible_and_orbits_pans_and_resets(tab: Tab) -> None:
     assert (tab.canvas() == first).all()
 
 
+@pytest.mark.slow
 def test_wheel_zooms_only_after_a_click(tab: Tab) -> None:
     first = tab.canvas()
     x, y = tab.middle("#canvas")
@@ -55,6 +56,7 @@ def test_wheel_zooms_only_after_a_click(tab: Tab) -> None:
     assert differing(tab.canvas(), first) > 0.1
 
 
+@pytest.mark.slow
 def test_keys_orbit_zoom_and_reset_the_cloud(tab: Tab) -> None:
     first = tab.canvas()
     tab.page.locator("#canvas").focus()
@@ -84,6 +86,7 @@ def test_classes_can_be_hidden(tab: Tab) -> None:
     assert (tab.canvas() == first).all()
 
 
+@pytest.mark.slow
 def test_cloud_can_be_coloured_by_height(tab: Tab) -> None:
     first = tab.canvas()
     tab.page.locator("input[name=colour][value=height]").check(force=True)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kept_worlds import KEPT
 from numpy.typing import NDArray
 from PIL import Image
 from report_pages import (
@@ -27,13 +28,12 @@ from report_pages import (
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page import cloud, write_report
 from fieldtruth.report.page import map as page_map
-from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
 
 @pytest.fixture(scope="module")
 def park_world() -> World:
-    return load_world("park", 0)
+    return KEPT.load_world("park", 0)
 
 
 def test_path_on_the_map_matches_pinhole_projection(page: Page, messages: Messages, park_world: World) -> None:

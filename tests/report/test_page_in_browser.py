@@ -25,6 +25,14 @@ def plain(browser: Any, page: Page) -> Iterator[Tab]:
     opened.close()
 
 
+@pytest.fixture
+def tab(browser: Any, page: Page) -> Iterator[Tab]:
+    """The page with its cloud in a small window, because each pixel of the cloud takes its time."""
+    opened = Tab(browser, page.path, viewport={"width": 560, "height": 480})
+    yield opened
+    opened.close()
+
+
 def test_labels_toggle_with_mouse_and_keyboard(plain: Tab) -> None:
     both = plain.picture(".pair.A .view")
     assert plain.style(".pair.A .tag", "opacity") == "0.55"
@@ -127,8 +135,7 @@ def test_curve_and_tick_labels_are_aligned(plain: Tab) -> None:
     assert max(b["x"] + b["width"] for b in positions.values()) <= box["x"]
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [400, 1280])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 400), ("dark", 1280)])
 def test_page_fits_the_window_and_has_contrast(browser: Any, page: Page, scheme: str, width: int) -> None:
     options = {"viewport": {"width": width, "height": 800}, "color_scheme": scheme}
     tab = Tab(browser, page.path, cloud=scheme == "light", **options)
@@ -210,7 +217,8 @@ def test_hostile_names_are_inert_in_the_browser(browser: Any, small_run: Path, t
         return (names[topic], stamp, data) if topic in names else None
 
     bag = changed(small_run / "park_1.bag", tmp_path / "<img src=x onerror=hacked=3>.bag", change)
-    tab = Tab(browser, write_report(bag, out=tmp_path / "page.html"))
+    page = write_report(bag, out=tmp_path / "page.html")
+    tab = Tab(browser, page, viewport={"width": 560, "height": 480})
     assert tab.page.evaluate("window.hacked") is None
     assert tab.page.locator("img[onerror]").count() == 0
     assert tab.words("h1") == "<img src=x onerror=hacked=3>"

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from numba.core.dispatcher import Dispatcher
 
 import fieldtruth
@@ -29,6 +30,7 @@ def classify_a_miss(source: Path, cache: Path) -> str:
     return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.strip()
 
 
+@pytest.mark.slow  # three processes
 def test_kernels_are_shared_by_installations_and_edited_class_ids_reach_them(tmp_path: Path) -> None:
     first, source = tmp_path / "first", tmp_path / "src"
     shutil.copytree(Path(fieldtruth.__file__).parent, first / "fieldtruth")

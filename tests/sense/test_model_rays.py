@@ -47,7 +47,7 @@ def test_a_vlp_16_has_the_angles_of_its_manual() -> None:
     turned = 3600.0 * 2.304e-6 * vlp_16_laser(ring)  # [deg] at 10 Hz
     assert turned.max() == pytest.approx(0.124416)
     expected = -(360.0 * column[:, None] / 1808 + turned)
-    assert azimuths(config) == pytest.approx(expected % 360, abs=1e-9)
+    np.testing.assert_allclose(azimuths(config), expected % 360, rtol=0, atol=1e-9)
 
 
 def test_a_spinning_vlp_16_measures_walls_from_its_angles_and_times() -> None:
@@ -63,8 +63,8 @@ def test_a_spinning_vlp_16_measures_walls_from_its_angles_and_times() -> None:
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=1
     )
     expected = (half / np.maximum(np.abs(direction), 1e-12)).min(axis=1)
-    assert scan.range_m == pytest.approx(expected, abs=TOLERANCE)
-    assert scan.xyz == pytest.approx(direction * expected[:, None], abs=TOLERANCE)
+    np.testing.assert_allclose(scan.range_m, expected, rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(scan.xyz, direction * expected[:, None], rtol=0, atol=TOLERANCE)
     due = np.rint(scan.column.astype(float) * (1e8 / 1808)) + 2304 * laser
     assert np.array_equal(scan.t_ns, due.astype(np.uint32))
 
@@ -134,12 +134,12 @@ def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: s
     scan = IdealLidar(config, room(*half)).scan(np.broadcast_to(pose, (config.columns + 1, 4, 4)))
     assert len(scan.range_m) == config.columns * config.rings
     world = scan.xyz.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
-    assert (half - np.abs(world)).min(axis=1) == pytest.approx(0.0, abs=TOLERANCE)
+    assert np.abs((half - np.abs(world)).min(axis=1)).max() < TOLERANCE
     x, y, z = scan.xyz.astype(np.float64).T
     if config.pattern is None:
         assert config.elevations_deg is not None
         elevations = np.array(config.elevations_deg)
-        assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(elevations[scan.ring], abs=1e-3)
+        assert np.abs(np.degrees(np.arctan2(z, np.hypot(x, y))) - elevations[scan.ring]).max() < 1e-3
     assert np.all(scan.t_ns < 1e9 / config.rate_hz)
     assert np.all(np.diff(column_times_ns(config)) > max(config.firing_offsets_ns or (0,)))
 
@@ -150,7 +150,7 @@ def test_a_run_with_a_vlp_16_is_valid(
     monkeypatch.chdir(tmp_path)
     text = f"{{name: vlp, environment: park, layout: {LAYOUT}, route: {ROUTE}, rig: {{lidar: {{model: vlp_16}}}}}}\n"
     Path("vlp.yaml").write_text(text, encoding="utf-8")
-    assert cli.main(["generate", "vlp.yaml", "--seconds", "0.3", "--no-cameras"]) == 0
+    assert cli.main(["generate", "vlp.yaml", "--seconds", "0.2", "--no-cameras"]) == 0
     assert cli.main(["validate", "data/vlp"]) == 0, capsys.readouterr().out
     assert "- LiDAR vlp_16: 1808 x 16 rays, 360 x 30 deg (elevations -15 to 15 deg), 1 to 100 m; " in Path(
         "data/vlp/DATASET.md"

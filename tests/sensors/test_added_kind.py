@@ -110,6 +110,7 @@ def recorded(package: Path) -> Path:
     return package
 
 
+@pytest.mark.slow  # five processes
 def test_all_commands_find_it_in_processes_of_their_own(recorded: Path) -> None:
     ranges, noisy = (heard(recorded / "data/heard/heard.bag", topic) for topic in ("/below", "/noisy"))
     assert len(ranges) == len(noisy) == 4
@@ -139,7 +140,6 @@ def test_interrupted_runs_and_those_of_a_cluster_have_its_readings(package: Path
     assert not bag.exists()
     run(package, "generate", "heard.yaml")  # resumes
     assert len(heard(bag, "/below")) == 4
-    run(package, "report", "data/heard")
     run(package, "export", "--to", "files", "data/heard")
     run(package, "generate", "heard.yaml", "--out", "clustered", "--local-cluster", "1")
     assert (package / "clustered" / "heard" / "heard.bag").read_bytes() == bag.read_bytes()

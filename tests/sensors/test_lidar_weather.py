@@ -102,8 +102,8 @@ def test_surfaces_fade_with_twice_their_range(scene: Scene) -> None:
 def test_worse_weather_more_particles_and_fewer_surfaces(scene: Scene, key: str, values: tuple[float, ...]) -> None:
     particles, surfaces = [], []
     for value in (None, *values):
-        found = [scan(scene, k, {} if value is None else {key: value}) for k in range(4)]
-        label = np.concatenate([reading.label for reading in found])
+        lidar = Lidar(config(), scene, weather=WeatherConfig(**{} if value is None else {key: value}))
+        label = np.concatenate([lidar.scan(POSE, 0, k).label for k in range(4)])
         particles.append(int((label == Label.PARTICLE).sum()))
         surfaces.append(int((label != Label.PARTICLE).sum()))
     assert particles[0] == 0

@@ -23,6 +23,7 @@ from fieldtruth.validation.streams import Clocks
 
 RATE = 200.0
 STAMPS = stamps_at_rate(RATE, 60 * 10**9)
+OF_IMU = stamps_at_rate(RATE, 20 * 10**9)
 SIGNAL = {
     "gyroscope_noise_density": 1e-3,
     "gyroscope_random_walk": 1e-5,
@@ -52,7 +53,7 @@ def header(stamp: int) -> Any:
 
 
 def vector(row: Any, names: str = "xyz") -> Any:
-    return SimpleNamespace(**dict(zip(names, map(float, row), strict=True)))
+    return SimpleNamespace(**dict(zip(names, row.tolist(), strict=True)))
 
 
 def feed(checker: Any, topic: str, stamps: Any, message: Callable[[int], Any]) -> None:
@@ -108,11 +109,11 @@ def test_a_stamp_that_falls_fails() -> None:
 
 
 def moving() -> ImuReadings:
-    t = STAMPS[:, None] / 1e9
+    t = OF_IMU[:, None] / 1e9
     turn = np.hstack([np.sin(t), np.cos(0.7 * t), 0.5 * np.sin(0.3 * t)])
     force = np.hstack([np.sin(2.0 * t), np.cos(1.3 * t), 9.81 + np.sin(0.9 * t)])
     attitude = np.tile([0.5, 0.5, 0.5, 0.5], (len(t), 1))
-    return ImuReadings(stamps_ns=STAMPS, quaternion_wxyz=attitude, angular_velocity=turn, linear_acceleration=force)
+    return ImuReadings(stamps_ns=OF_IMU, quaternion_wxyz=attitude, angular_velocity=turn, linear_acceleration=force)
 
 
 def check_imu(made: dict[str, Any], change: Callable[[ImuReadings], None] = lambda _: None) -> Check:
@@ -136,8 +137,8 @@ def check_imu(made: dict[str, Any], change: Callable[[ImuReadings], None] = lamb
             linear_acceleration_covariance=due[1],
         )
 
-    feed(checker, "/imu/data", STAMPS, message(read.readings))
-    feed(checker, "/imu/data/truth", STAMPS, message(true))
+    feed(checker, "/imu/data", OF_IMU, message(read.readings))
+    feed(checker, "/imu/data/truth", OF_IMU, message(true))
     return finished(checker)
 
 
