@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.rosbag1 import Reader, Writer
+from small_park import LAYOUT
 
 from fieldtruth.bag.decode import points, read_bag
 from fieldtruth.bag.run import open_run
@@ -169,7 +170,7 @@ def test_errors_are_one_line_and_leave_nothing(
 
 
 def test_shares_need_a_route(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["shares", str(written(tmp_path))]) == 2
+    assert main(["shares", str(written(tmp_path, layout=LAYOUT))]) == 2
     assert "error: the experiment has no route: it follows a track file" in capsys.readouterr().err
 
 

@@ -22,7 +22,7 @@ from fieldtruth.pipeline import generate
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.runner import validate
 
-SMALL = {"cameras": {"width": 320, "height": 184, "instances": True}}
+SMALL = {"cameras": {"width": 128, "height": 72, "instances": True}}
 SKIPPED = {"motion", "imu", "gnss", "wheels", "wheel odometry", "commands", "depth"}
 
 

@@ -130,7 +130,7 @@ def test_mip_maps_keep_colour_and_sunlight(name: str) -> None:
     assert atlas.mean[0] == pytest.approx(wanted, rel=1e-4)
 
 
-@pytest.mark.parametrize(("name", "relief"), [("lawn", 0.026), ("path", 0.01)])
+@pytest.mark.parametrize(("name", "relief"), [("lawn", 0.026), pytest.param("path", 0.01, marks=pytest.mark.slow)])
 def test_ground_is_as_bright_from_afar_as_from_nearby(name: str, relief: float) -> None:
     """Followed through the relief at 2 m, averaged at 14 m, which is below haze, seen under the same angle."""
     scene = baked(ground_of(texture_of(name), relief=relief, repeat=1.5))

@@ -40,18 +40,19 @@ def albedo(colour: tuple[int, int, int]) -> F8:
     return linear_from_srgb(np.array(colour) / 255.0)
 
 
-def filled(world: World, sky: float, sun: float, workers: int = 1) -> LightTable:
-    """Light below an even sky of radiance ``sky``, and a white sun of irradiance ``sun``."""
+def filled(world: World, *lights: tuple[float, float], workers: int = 1) -> list[LightTable]:
+    """Light below each even sky of a radiance, and a white sun of an irradiance."""
     scene = Scene(world)
-    table = bake_light(scene, SUN, 1)
-    clear = air_of(None, table, world.terrain.surface.heights)
-    even = np.full(3, sky, np.float32)
-    dome = table.dome._replace(rgb=np.full_like(table.dome.rgb, sky), mean=even, horizon=even)
-    table = table._replace(dome=dome, sun_rgb=np.full(3, sun, np.float32), volume=np.zeros_like(table.volume))
-    with ThreadPoolExecutor(workers) as pool:
-        return table._replace(
-            volume=fill_volume(shading_of(scene, table, material_table(world), clear), np.zeros(3, np.float32), pool)
-        )
+    baked, materials, tables = bake_light(scene, SUN, 1), material_table(world), []
+    clear = air_of(None, baked, world.terrain.surface.heights)
+    for sky, sun in lights:
+        even = np.full(3, sky, np.float32)
+        dome = baked.dome._replace(rgb=np.full_like(baked.dome.rgb, sky), mean=even, horizon=even)
+        table = baked._replace(dome=dome, sun_rgb=np.full(3, sun, np.float32), volume=np.zeros_like(baked.volume))
+        with ThreadPoolExecutor(workers) as pool:
+            volume = fill_volume(shading_of(scene, table, materials, clear), np.zeros(3, np.float32), pool)
+        tables.append(table._replace(volume=volume))
+    return tables
 
 
 def irradiance(light: LightTable, x: float, y: float, layer: int, normal: Sequence[float]) -> NDArray[np.float32]:
@@ -62,13 +63,18 @@ def irradiance(light: LightTable, x: float, y: float, layer: int, normal: Sequen
 
 
 @pytest.fixture(scope="module")
-def below_sky() -> LightTable:
-    return filled(coloured(), 1.0, 0.0)
+def plain() -> list[LightTable]:
+    return filled(coloured(), (1.0, 0.0), (0.0, 1.0))
 
 
-@pytest.fixture(scope="module")
-def below_sun() -> LightTable:
-    return filled(coloured(), 0.0, 1.0)
+@pytest.fixture
+def below_sky(plain: list[LightTable]) -> LightTable:
+    return plain[0]
+
+
+@pytest.fixture
+def below_sun(plain: list[LightTable]) -> LightTable:
+    return plain[1]
 
 
 def test_level_ground_has_the_irradiance_pi_of_an_even_sky(below_sky: LightTable) -> None:
@@ -91,10 +97,6 @@ def test_ground_does_not_light_ground(below_sun: LightTable) -> None:
     assert irradiance(below_sun, 0, 0, 0, (0, 0, 1)) == pytest.approx(np.zeros(3), abs=0.006)
 
 
-def test_without_light_there_is_none() -> None:
-    assert not filled(coloured([(box("box", (1, 1, 1)), at(0, 0, 1))]), 0.0, 0.0).volume.any()
-
-
 def test_a_furnace_of_walls_is_never_brighter_than_its_sky_and_nearly_as_bright_if_white() -> None:
     """A courtyard, 6 m wide and 12 m deep, of albedo 0.9: an enclosure of albedo 1 would be as bright as its sky."""
     walls: list[Placed] = [
@@ -106,7 +108,7 @@ def test_a_furnace_of_walls_is_never_brighter_than_its_sky_and_nearly_as_bright_
         grey = int(np.rint(255 * srgb_from_linear(np.array([rho]))[0]))
         world = coloured(walls, (grey, grey, grey))
         world = replace(world, textures=dict.fromkeys(world.textures, np.full((4, 4, 3), grey, np.uint8)))
-        light = filled(world, 1.0, 0.0)
+        [light] = filled(world, (1.0, 0.0))
         assert light.volume[..., [0, 4, 8]].max() < 1.01
         levels.append(float(irradiance(light, 0, 0, 0, (0, 0, 1))[0]))
     assert 0.03 < levels[1] < 0.5 * levels[0] < 0.5
@@ -117,16 +119,18 @@ def test_light_in_a_corner_comes_from_the_open_side() -> None:
     wall = quad("wall", [[0.5, -19, 0], [0.5, 19, 0], [0.5, 19, 30], [0.5, -19, 30]])
     world = coloured([(wall, at(0, 0, 0))])
     world = replace(world, textures={**world.textures, "grey": np.zeros((4, 4, 3), np.uint8)})
-    light = filled(world, 1.0, 0.0)
+    [light] = filled(world, (1.0, 0.0))
     assert irradiance(light, -1, 0, 1, (0, 0, 1))[0] == pytest.approx(0.5, abs=0.08)
     away, towards = (irradiance(light, -1, 0, 1, (side, 0, 0))[0] for side in (-1.0, 1.0))
     assert towards < 0.2 * away
 
 
-def test_light_does_not_depend_on_workers() -> None:
+def test_light_does_not_depend_on_workers_and_without_light_there_is_none() -> None:
     world = coloured([(box("crown", (1, 1, 1), "leaf"), at(1, 2, 3))])
-    one, two = (filled(world, 1.0, 1.0, workers) for workers in (1, 2))
+    [one, none], [two] = filled(world, (1.0, 1.0), (0.0, 0.0)), filled(world, (1.0, 1.0), workers=2)
     assert np.array_equal(one.volume, two.volume)
+    assert one.volume.any()
+    assert not none.volume.any()
     assert one.volume.shape[2:] == (14, COEFFICIENTS)
     assert AIR_LAYER * 13 > 19
 

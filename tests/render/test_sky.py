@@ -30,6 +30,7 @@ from fieldtruth.render.daylight import (
 )
 
 SMALL = 256
+LIKE_OTHERS = dict.fromkeys(("noon", "low_sun"), pytest.mark.slow)  # the clouds are those of summer_day and dusk
 CLEAR = Light(180.0, 40.0, "none", 0.0, 2.5, 0.0)
 
 
@@ -51,11 +52,6 @@ def sky_irradiance(dome: Dome, normals: Array) -> Array:
 
 def lux(rgb: Array | Float32Array) -> float:
     return float(rgb @ LUMINANCE) * LUX_PER_UNIT
-
-
-@pytest.fixture(scope="module")
-def days() -> dict[str, Daylight]:
-    return {name: day(light) for name, light in PRESETS.items()}
 
 
 def test_sunlight_outside_the_air() -> None:
@@ -96,9 +92,9 @@ def test_disc_has_the_irradiance_of_the_sun() -> None:
     assert float((DISC * limb * 2.0 * np.pi * r).sum() * (edges[1] - edges[0])) == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_is_finite_and_its_level_is_that_of_dome_and_sun(name: Preset, days: dict[str, Daylight]) -> None:
-    found = days[name]
+@pytest.mark.parametrize("name", [pytest.param(name, marks=LIKE_OTHERS.get(name, ())) for name in PRESETS])
+def test_every_preset_is_finite_and_its_level_is_that_of_dome_and_sun(name: Preset) -> None:
+    found = day(PRESETS[name])
     assert np.isfinite(found.dome.rgb).all()
     assert found.dome.rgb.min() >= 0.0
     directions, weight = directions_of(SMALL)
@@ -108,9 +104,10 @@ def test_every_preset_is_finite_and_its_level_is_that_of_dome_and_sun(name: Pres
     np.testing.assert_allclose(sky_irradiance(found.dome, np.array([[0.0, 0.0, 1.0]]))[0], found.dome.mean, rtol=0.01)
 
 
-def test_irradiance_by_direction_is_greatest_towards_the_sun(days: dict[str, Daylight]) -> None:
-    x, y = days["clear_morning"].sun[:2] / np.linalg.norm(days["clear_morning"].sun[:2])
-    towards, away = sky_irradiance(days["clear_morning"].dome, np.array([[x, y, 0.0], [-x, -y, 0.0]]))
+def test_irradiance_by_direction_is_greatest_towards_the_sun() -> None:
+    found = day(PRESETS["clear_morning"])
+    x, y = found.sun[:2] / np.linalg.norm(found.sun[:2])
+    towards, away = sky_irradiance(found.dome, np.array([[x, y, 0.0], [-x, -y, 0.0]]))
     assert lux(towards) > 1.5 * lux(away)
 
 
@@ -159,9 +156,9 @@ def test_many_more_cumulus_are_small_than_large() -> None:
     assert (widths < 300.0).sum() > 3 * (widths > 600.0).sum() > 0
 
 
-def test_fair_weather_clouds_leave_the_sun_and_broken_ones_shade_a_part(days: dict[str, Daylight]) -> None:
-    assert days["summer_day"].cloud_sun.values.min() > 0.9
-    broken = days["after_rain"].cloud_sun.values
+def test_fair_weather_clouds_leave_the_sun_and_broken_ones_shade_a_part() -> None:
+    assert day(PRESETS["summer_day"]).cloud_sun.values.min() > 0.9
+    broken = day(PRESETS["after_rain"]).cloud_sun.values
     assert broken.min() < 0.2
     assert broken.max() > 0.9
     steps = [np.abs(np.diff(broken, axis=axis)).max() for axis in (0, 1)]

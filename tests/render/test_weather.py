@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from kept_worlds import KEPT
 from sense_worlds import at, make_world, quad
 
 from fieldtruth.core import transforms
@@ -33,6 +34,11 @@ def scene() -> Scene:
     return Scene(make_world([(wall, at(0, 0, 0))], side=42.0))
 
 
+def _lit(scene: Scene, weather: WeatherConfig | None) -> BakedScene:
+    """The scene in weather, made once."""
+    return KEPT.bake(scene, LightConfig(), weather)
+
+
 def _black(baked: BakedScene) -> BakedScene:
     materials = baked.shading.materials
     dark = materials._replace(tint=np.zeros_like(materials.tint), gloss=np.zeros_like(materials.gloss))
@@ -49,7 +55,7 @@ def _linear(baked: BakedScene) -> tuple[Float32Array, Float32Array]:
 
 @pytest.mark.parametrize("visibility", [WALL, 4 * WALL])
 def test_contrast_of_a_black_object_is_five_percent_at_the_visibility(scene: Scene, visibility: float) -> None:
-    wall, sky = _linear(_black(bake(scene, LightConfig(), WeatherConfig(fog_visibility_m=visibility))))
+    wall, sky = _linear(_black(_lit(scene, WeatherConfig(fog_visibility_m=visibility))))
     np.testing.assert_allclose((sky - wall) / sky, 0.05 ** (RANGE / visibility), rtol=0.02, atol=1e-4)
 
 
@@ -68,14 +74,14 @@ RAY = POSE[:3, :3] @ np.array([(U + 0.5 - 160) / FX, (V + 0.5 - 92) / FX, 1.0]) 
 
 def test_rain_snow_and_dust_dim_by_their_extinction(scene: Scene) -> None:
     weather = WeatherConfig(rain_mm_h=50, snow_mm_h=2, dust_g_m3=0.01)
-    before, after = (_left(bake(scene, LightConfig(), each), RAY) for each in (None, weather))
+    before, after = (_left(_lit(scene, each), RAY) for each in (None, weather))
     np.testing.assert_allclose(after / before, np.exp(-extinction(weather, 550) * RANGE), rtol=0.003)
 
 
 @pytest.mark.parametrize("visibility", [5000.0, 20_000.0])
 def test_clear_air_has_its_visibility(scene: Scene, visibility: float) -> None:
     """The contrast at a distance d is 0.05^(d / visibility) in green, less in blue, more in red."""
-    left = _left(bake(scene, LightConfig(), WeatherConfig(visibility_m=visibility)), RAY)
+    left = _left(_lit(scene, WeatherConfig(visibility_m=visibility)), RAY)
     assert 1 - left[1] == pytest.approx(1 - 0.05 ** (RANGE / visibility), rel=0.02)
     assert left[0] > left[1] > left[2]
 
@@ -96,7 +102,7 @@ def test_the_air_is_as_bright_as_the_horizon_in_its_azimuth(scene: Scene) -> Non
 def test_fog_that_thins_with_height_dims_by_its_integral(scene: Scene) -> None:
     """The same function as of LiDARs."""
     weather = WeatherConfig(fog_visibility_m=80.0, fog_height_m=5.0)
-    before, after = (_left(bake(scene, LightConfig(), each), RAY) for each in (None, weather))
+    before, after = (_left(_lit(scene, each), RAY) for each in (None, weather))
     ground = scene.world.terrain.surface.heights.min()
     length = fog_length(POSE[2, 3] - ground, RAY[2] * RANGE, RANGE, 5.0)
     assert length < 0.6 * RANGE
@@ -110,8 +116,8 @@ def baked_clear(left: Float32Array, range_m: float) -> Float32Array:
 
 
 def test_clear_weather_leaves_every_byte_and_labels_stay_in_fog(scene: Scene) -> None:
-    weathers = None, WeatherConfig(), WeatherConfig(fog_visibility_m=50)
-    plain, clear, fog = (Camera(SMALL, bake(scene, LightConfig(), each)).render(POSE) for each in weathers)
+    scenes = bake(scene), bake(scene, LightConfig(), WeatherConfig()), _lit(scene, WeatherConfig(fog_visibility_m=50))
+    plain, clear, fog = (Camera(SMALL, each).render(POSE) for each in scenes)
     np.testing.assert_array_equal(plain.photo, clear.photo)
     assert np.abs(plain.photo.astype(int) - fog.photo).mean() > 10
     for name in ("label", "instance", "depth"):
@@ -126,9 +132,7 @@ def test_light_of_the_air_is_the_horizons(scene: Scene) -> None:
 
 
 def test_no_shadow_of_the_sun_in_fog_and_as_much_light(scene: Scene) -> None:
-    clear, fog = (
-        bake(scene, LightConfig(), each).shading.light for each in (None, WeatherConfig(fog_visibility_m=100))
-    )
+    clear, fog = (_lit(scene, each).shading.light for each in (None, WeatherConfig(fog_visibility_m=100)))
     assert fog.sun_rgb.max() < 1e-6
     on_ground = clear.dome.mean + clear.sun_rgb * clear.sun[2] / np.pi
     np.testing.assert_allclose(fog.dome.mean, on_ground, rtol=1e-5)
@@ -136,8 +140,8 @@ def test_no_shadow_of_the_sun_in_fog_and_as_much_light(scene: Scene) -> None:
 
 def test_haze_of_long_visibility_is_bluer(scene: Scene) -> None:
     """Small droplets scatter blue more; large ones every wavelength alike."""
-    fog, mist = (bake(scene, None, WeatherConfig(fog_visibility_m=each)).shading.air for each in (100.0, 4000.0))
+    fog, mist = (_lit(scene, WeatherConfig(fog_visibility_m=each)).shading.air for each in (100.0, 4000.0))
     np.testing.assert_allclose(fog.even + fog.clear, fog.even[0] + fog.clear[0], rtol=1e-5)
     total = mist.even + mist.clear
     assert total[0] < total[1] < total[2]
-    assert not bake(scene).shading.air.has_weather
+    assert not _lit(scene, None).shading.air.has_weather

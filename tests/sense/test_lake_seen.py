@@ -73,6 +73,7 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
     return transforms.pose((x, y, ground + 0.13), (0.0, 0.0, float(np.degrees(np.arctan2(v, u)))))
 
 
+@pytest.mark.slow  # needs the whole lake
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the camera all of them, by the LiDAR all but water and sky."""
     rig, hit, seen = paper_rig(cameras=StereoConfig(width=432, height=240)), set[int](), set[int]()
@@ -88,6 +89,7 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     assert seen == solid | {Label.WATER, Label.SKY}
 
 
+@pytest.mark.slow
 def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
     base = transforms.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
     rig = Rig()

@@ -144,6 +144,7 @@ def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: s
     assert np.all(np.diff(column_times_ns(config)) > max(config.firing_offsets_ns or (0,)))
 
 
+@pytest.mark.slow
 def test_a_run_with_a_vlp_16_is_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
