@@ -41,8 +41,9 @@ def test_bytes_depend_on_the_seed_and_not_on_the_number_of_workers(whole: bytes,
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of all slices of the recording, none of them joined."""
-    folder = tmp_path_factory.mktemp("made")
+    """Folder of all slices of the recording, none of them joined; its name is part of their seals."""
+    folder = tmp_path_factory.mktemp("made") / "again"
+    folder.mkdir()
     make_slices(folder, EXPERIMENT).make(1)
     return folder
 
@@ -109,6 +110,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE.keys())
 def test_a_damaged_slice_is_made_again(whole: bytes, slices: Slices, damage: Callable[[Path], object]) -> None:
+    assert slices.is_intact(2)
     damage(slices.path(2))
     assert not slices.is_intact(2)
     slices.record(slices.folder / "x.bag", 1, Silent())
