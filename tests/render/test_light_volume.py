@@ -23,7 +23,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
 SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)
-SIDE = 40.0
+SIDE = 24.0
 RED_GROUND = (200, 120, 40)
 DOWN, LEVEL = -1.0, 0.0
 
