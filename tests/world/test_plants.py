@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole trees and bushes: sound meshes, sizes, clear trunks, variation, classes, and the same bytes from a seed."""
 
+from collections.abc import Iterable
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import BUSHES, TREES, GrownIn, grow_bush, grow_tree
-from fieldtruth.world.plants.growth import grow_skeleton
+from fieldtruth.world.plants.growth import Stems, grow_skeleton
 from fieldtruth.world.plants.species import Habit, Leaf, at_detail, individual
 
 FOLIAGE = 1
@@ -45,14 +46,24 @@ class Plant(NamedTuple):
 
 
 LARGE = [Plant(name, 11.0, "open", 0.25) for name in TREES]
-YOUNG = [Plant(name, height) for name in TREES for height in (3.0, 4.5)]
-STAND = [Plant(name, height, "stand", 0.06) for name in TREES for height in (8.0, 20.0)]
+YOUNG = [Plant(name, 3.0) for name in TREES]
+STAND = [Plant(name, 20.0, "stand", 0.06) for name in TREES]
 FAR = [Plant(name, 14.0, "stand", 0.015) for name in TREES]
 SHRUBS = [Plant("box", 0.8), Plant("box", 1.3), Plant("hazel", 1.8), Plant("hazel", 2.8)]
 PLANTS = [*LARGE, *YOUNG, *STAND, *FAR, Plant("pine", 4.0, "exposed"), Plant("lime", 9.0), *SHRUBS]
-plants = pytest.mark.parametrize("plant", PLANTS, ids=str)
-trees = pytest.mark.parametrize("plant", [k for k in PLANTS if k.name in TREES], ids=str)
-seeds = pytest.mark.parametrize("seed", [1, 2, 3])
+OFTEN = ("oak", "pine", "spruce")
+"""Trees that every run of the tests grows in all sizes: broad leaves, sprays of needles and whorls down to the soil."""
+
+
+def often(every: Iterable[Plant]) -> list[Any]:
+    """Parameters: far trees are quick, and of the others those of the species above; the rest is slow."""
+    quick = {*FAR, *SHRUBS}
+    return [k if k in quick or k.name in OFTEN else pytest.param(k, marks=pytest.mark.slow, id=str(k)) for k in every]
+
+
+plants = pytest.mark.parametrize("plant", often(PLANTS), ids=str)
+trees = pytest.mark.parametrize("plant", often(k for k in PLANTS if k.name in TREES), ids=str)
+seeds = pytest.mark.parametrize("seed", [1, 2])
 tree = pytest.mark.parametrize("name", TREES)
 
 
@@ -120,8 +131,8 @@ def test_number_of_leaves_is_that_of_the_habit_and_wood_is_a_small_part(plant: P
 
 
 @tree
-@pytest.mark.parametrize("detail", [0.25, 0.06])
-def test_less_detail_means_fewer_leaves_of_the_same_area_on_the_same_stems(name: str, detail: float) -> None:
+def test_less_detail_means_fewer_leaves_of_the_same_area_on_the_same_stems(name: str) -> None:
+    detail = 0.06
     fine, coarse = (grow(Plant(name, 12.0, "stand", d)) for d in (1.0, detail))
     leaves = [np.count_nonzero(m.material == FOLIAGE) for m in (fine, coarse)]
     assert leaves[1] / leaves[0] == pytest.approx(detail, rel=0.1)
@@ -129,6 +140,12 @@ def test_less_detail_means_fewer_leaves_of_the_same_area_on_the_same_stems(name:
     assert coarse.colliders == fine.colliders
     middle = [leaf_corners(m).mean((0, 1)) for m in (fine, coarse)]
     np.testing.assert_allclose(middle[0], middle[1], atol=0.15)  # [m]
+
+
+def every_two_centimetres(stems: Stems) -> Array:
+    """Points (n, 3) [m] of stems, the longest of which has one in 2 cm."""
+    count, each = len(stems.length), int(stems.length.max(initial=0.0) / 0.02) + 2
+    return stems.at(np.arange(count).repeat(each), np.tile(np.linspace(0, 1, each), count))[0]
 
 
 @plants
@@ -139,10 +156,7 @@ def test_every_leaf_grows_on_a_twig(plant: Plant) -> None:
     if plant.name in TREES:
         habit = individual(TREES[plant.name].habit(plant.height, plant.grown_in), rng)
     orders = grow_skeleton(habit, plant.height, rng)
-    steps = np.linspace(0, 1, 201)
-    points = np.concatenate(
-        [s.at(np.arange(len(s.length)).repeat(201), np.tile(steps, len(s.length)))[0] for s in orders[1:]]
-    )
+    points = np.concatenate([every_two_centimetres(s) for s in orders[1:]])
     leaves = blades(mesh, leaf)
     distance, _ = cKDTree(points).query(leaves.base)
     behind = 0.6 * (1 - leaf.stands_for**-0.5) * np.linalg.norm(leaves.tip - leaves.base, axis=1)
@@ -169,7 +183,7 @@ def test_old_pine_has_two_barks_one_above_the_other(seed: int) -> None:
     assert height[mesh.material == 2].min() > 0.2 * 12.0
 
 
-@pytest.mark.parametrize("plant", [k for k in (*LARGE, *STAND) if k.name not in SPRUCES], ids=str)
+@pytest.mark.parametrize("plant", often(k for k in (*LARGE, *STAND) if k.name not in SPRUCES), ids=str)
 @seeds
 def test_only_the_trunk_is_below_the_clear_height(plant: Plant, seed: int) -> None:
     mesh, habit = grow(plant, seed), plant.habit(seed)
@@ -216,15 +230,16 @@ OPEN = {"aleppo_pine": 0.32, "apple": 0.5}
 
 
 @tree
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
+def test_crown_covers_most_but_not_all_of_the_sky(name: str) -> None:
     """Share of horizontal rays through the crown's inner half that hit a leaf."""
-    mesh = grow(Plant(name, 11.0, "open", 0.25), seed)
+    mesh = grown(Plant(name, 11.0, "open", 0.25))
     corner = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].astype(np.float64)[..., 1:]
     middle, spread = np.median(corner, (0, 1)), corner.std((0, 1))
     covered = []
-    for target in middle + np.random.default_rng(0).uniform(-1, 1, (300, 2)) * spread:
-        p = corner[np.abs(corner[:, 0] - target).max(1) < 0.3] - target
+    targets = middle + np.random.default_rng(0).uniform(-1, 1, (300, 2)) * spread
+    near = cKDTree(corner[:, 0]).query_ball_point(targets, 0.3, p=np.inf)
+    for target, rows in zip(targets, near, strict=True):
+        p = corner[rows] - target
         q = np.roll(p, -1, 1)
         side = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
         covered.append(((side > 0).all(1) | (side < 0).all(1)).any())
@@ -297,7 +312,7 @@ def test_tree_in_a_stand_has_a_higher_narrower_crown(name: str) -> None:
     assert stand_footprint < 0.75 < open_footprint
 
 
-@tree
+@pytest.mark.parametrize("name", [n if n in OFTEN else pytest.param(n, marks=pytest.mark.slow) for n in TREES])
 def test_young_tree_is_not_a_scaled_old_one(name: str) -> None:
     both = Plant(name, 11.0), Plant(name, 4.0)
     old, young = (grown(k) for k in both)
