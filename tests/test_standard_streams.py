@@ -15,8 +15,8 @@ FULL = "error: cannot write to standard output: no space left on device\n"
 TO_FILE = ["rig", "park_1", "--to", "urdf", "--out", "数据.urdf"]
 RESULTS = [
     ["list"],
-    ["generate", "--help"],
-    ["rig", "park_1", "--to", "urdf"],
+    pytest.param(["generate", "--help"], marks=pytest.mark.slow),
+    pytest.param(["rig", "park_1", "--to", "urdf"], marks=pytest.mark.slow),
     ["status", "."],
 ]
 
@@ -68,10 +68,10 @@ def test_a_reader_that_goes_away_is_no_error_and_a_full_device_is_one(argv: list
 @pytest.mark.parametrize(
     ("out", "err"),
     [
-        ("gone", "gone"),
+        pytest.param("gone", "gone", marks=pytest.mark.slow),
         ("gone", "/dev/full"),
-        ("/dev/full", "gone"),
-        ("/dev/full", "/dev/full"),
+        pytest.param("/dev/full", "gone", marks=pytest.mark.slow),
+        pytest.param("/dev/full", "/dev/full", marks=pytest.mark.slow),
         ("/dev/full", ""),
     ],
 )
@@ -84,7 +84,7 @@ def test_a_file_that_is_written_is_success(out: str, err: str, tmp_path: Path) -
 
 def test_an_error_has_its_code_where_nobody_reads_it() -> None:
     for err in ("gone", "/dev/full"):
-        assert ended(["generate", "no_such"], out="gone", err=err)[0] == 2
+        assert ended(["status", "no_such"], out="gone", err=err)[0] == 2
 
 
 def test_letters_that_the_encoding_lacks_are_replaced() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sense_worlds import without_textures
 
 from fieldtruth.world import library
 
@@ -24,4 +25,11 @@ def _package_files_are_read_once() -> Iterator[None]:
     document.cache_clear = real.cache_clear  # type: ignore[attr-defined]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(library, "_document", document)
+        yield
+
+
+@pytest.fixture(scope="module")
+def untextured() -> Iterator[None]:
+    """Worlds are built without textures, which change neither layout nor labels."""
+    with without_textures():
         yield

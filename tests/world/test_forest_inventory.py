@@ -67,6 +67,7 @@ def forest() -> Forest:
     return Forest(world, [dict(zip(COLUMNS, row, strict=True)) for row in inventory(world)])
 
 
+@pytest.mark.slow
 def test_stems_and_basal_area(forest: Forest) -> None:
     """Fully stocked stands of 20 to 25 m: 30 to 45 m2/ha and 450 to 1,000 stems (yield tables of Schober 1967 for
     beech, Assmann and Franz 1963 for spruce; from memory)."""
@@ -77,6 +78,7 @@ def test_stems_and_basal_area(forest: Forest) -> None:
     assert 0.22 <= np.sqrt((thick**2).mean()) <= 0.30
 
 
+@pytest.mark.slow
 def test_height_over_diameter_of_each_species(forest: Forest) -> None:
     height, diameter, species = forest.column("height_m"), forest.column("trunk_diameter_m"), forest.species()
     for name, (low, high) in SLENDER.items():
@@ -85,6 +87,7 @@ def test_height_over_diameter_of_each_species(forest: Forest) -> None:
         assert low <= np.median(height[tall] / diameter[tall]) <= high, name
 
 
+@pytest.mark.slow
 def test_diameters_follow_a_weibull_distribution(forest: Forest) -> None:
     """Bailey and Dell 1973; shapes of 2 to 5 in stands of few storeys (from memory)."""
     diameter = forest.column("trunk_diameter_m")
@@ -94,6 +97,7 @@ def test_diameters_follow_a_weibull_distribution(forest: Forest) -> None:
     assert kstest(thick, weibull_min(shape, 0.0, scale).cdf).statistic < 0.15
 
 
+@pytest.mark.slow
 def test_crowns(forest: Forest) -> None:
     """Crown bases at 0.35 to 0.7 of the height, crowns of 3 to 9 m, leaf area index of 5 to 7 (Asner, Scurlock and
     Hicke 2003: 5.1 to 6.7 in evergreen temperate forests)."""
@@ -106,6 +110,7 @@ def test_crowns(forest: Forest) -> None:
     assert 5.0 <= leaves <= 7.0
 
 
+@pytest.mark.slow
 def test_trunks_taper_between_cone_and_cylinder(forest: Forest) -> None:
     """Diameter at half the height over that at 1.3 m: 0.65 to 0.75 in stands (Assmann 1970; from memory).
 
@@ -124,6 +129,7 @@ def test_trunks_taper_between_cone_and_cylinder(forest: Forest) -> None:
     assert 0.6 <= np.nanmedian(quotients) <= 0.8
 
 
+@pytest.mark.slow
 def test_dead_wood(forest: Forest) -> None:
     """German National Forest Inventory 2012: 20.6 m3/ha, of which 49 % lies, 23 % stands and 28 % are stumps."""
     lying, standing, stumps = (forest.volume(k) / forest.hectares for k in ("fallen_trunk", "snag", "stump"))
@@ -138,6 +144,7 @@ def members(world: World, name: str) -> tuple[list[str], F8, F8]:
     return [swarm.meshes[row] for row in swarm.mesh], scale, swarm.world_from_object[:, :2, 3]
 
 
+@pytest.mark.slow
 def test_natural_regeneration(forest: Forest) -> None:
     """Thousands of seedlings of 10 to 50 cm and hundreds of saplings per hectare, beech before spruce, in groups.
 
@@ -160,6 +167,7 @@ def test_natural_regeneration(forest: Forest) -> None:
     assert np.mean(["beech" in name for name in names]) > np.mean(["spruce" in name for name in names]) > 0.1
 
 
+@pytest.mark.slow
 def test_cover_of_the_ground_vegetation(forest: Forest) -> None:
     """Woodrush beech forests have a sparse herb layer, 5 to 40 % with dwarf shrubs and ferns (Ellenberg and Leuschner
     2010; from memory): share of the ground outside trails that is hidden from above."""

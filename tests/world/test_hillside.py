@@ -39,13 +39,10 @@ def hillside(seed: int) -> World:
         return build_world("hillside", seed, {"individuals": 1})
 
 
-SEEDS = [0, pytest.param(1, marks=pytest.mark.slow)]
-
-
-@pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
+@pytest.fixture(scope="module", params=["quick", pytest.param("built_in", marks=pytest.mark.slow)])
 def world(request: pytest.FixtureRequest) -> World:
-    """The built-in hillside of seed 0 and a quick one of another seed."""
-    return load_world("hillside") if request.param == 0 else hillside(request.param)
+    """A hillside of seed 1, quickly made, and the built-in one of seed 0."""
+    return load_world("hillside") if request.param == "built_in" else hillside(1)
 
 
 def slopes(world: World, smoothing: float) -> tuple[F8, F8]:
@@ -191,6 +188,7 @@ def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
     assert not np.array_equal(hillside(1).terrain.field.heights, load_world("hillside").terrain.field.heights)
 
 
+@pytest.mark.slow
 def test_flank_without_corridors_is_steep_everywhere() -> None:
     rocks = {"crags": 2, "boulders": 2, "blocks": 2, "slabs": 1, "stones": 0, "pebbles": 0}
     plants = {"grass": 0, "junipers": 1, "gorse": 1, "cushions": 1, "pines": 1, "oaks": 1, "snags": 1}

@@ -81,7 +81,7 @@ def test_two_builds_are_equal(meadow: World) -> None:
 @pytest.mark.parametrize(
     ("name", "season"),
     [
-        ("wet_meadow", "winter"),
+        pytest.param("wet_meadow", "winter", marks=pytest.mark.slow),
         pytest.param("boreal", "autumn", marks=pytest.mark.slow),
         pytest.param("scrub", "winter", marks=pytest.mark.slow),
     ],

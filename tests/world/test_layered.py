@@ -26,6 +26,8 @@ from fieldtruth.world.environments.layout import PLANTINGS
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.rocks import rim_vertices
 
+pytestmark = pytest.mark.usefixtures("untextured")
+
 FIELDS = {
     "x": np.array([-3.0, 0.0, 2.0, 7.0]),
     "y": np.array([1.0, 4.0, -2.0, 0.5]),

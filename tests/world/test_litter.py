@@ -14,8 +14,16 @@ from fieldtruth.world.litter import LITTER_BY_GROUND, SHAPES
 from fieldtruth.world.materials import GROUND_TYPES, MATERIALS
 from fieldtruth.world.model import LITTER, Swarm, World
 
-LAYOUT = {"size": [30, 24], "grid": 0.1, "old_trees": 8, "grown_trees": 6, "young_trees": 4, "snags": 1}
-LAYOUT |= {"fallen_trunks": 1, "stumps": 1, "bushes": 3, "rocks": 3, "beyond": False}
+LAYOUT: dict[str, object] = {
+    "size": [30, 24],
+    "grid": 0.1,
+    "old_trees": 2,
+    "grown_trees": 2,
+    "young_trees": 2,
+    "snags": 1,
+}
+LAYOUT |= {"fallen_trunks": 1, "stumps": 1, "bushes": 3, "rocks": 3, "beyond": False, "individuals": 1}
+LAYOUT |= {"species": {"birch": 1.0}} | dict.fromkeys(("seedlings_per_m2", "saplings_per_m2", "bilberries_per_m2"), 0)
 
 
 def forest(litter: float) -> World:

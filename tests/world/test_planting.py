@@ -34,7 +34,9 @@ FEW: dict[str, dict[str, object]] = {  # quick to build
 }
 
 
-@pytest.mark.parametrize("environment", LAYOUTS)
+@pytest.mark.parametrize(
+    "environment", ["park", *(pytest.param(k, marks=pytest.mark.slow) for k in LAYOUTS if k != "park")]
+)
 def test_a_layout_plants_other_species_in_every_environment(environment: str) -> None:
     plants = LAYOUTS[environment]
     size = {} if environment == "lake" else {"size": [70, 45]}

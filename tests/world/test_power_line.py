@@ -25,6 +25,8 @@ from fieldtruth.world.power_lines import (
     wire_points,
 )
 
+pytestmark = pytest.mark.usefixtures("untextured")
+
 F8 = NDArray[np.float64]
 
 LEVEL = ((0.0, 0.0, 9.0), (46.0, 0.0, 9.0))

@@ -25,6 +25,8 @@ rasterio = pytest.importorskip("rasterio")
 pyproj = pytest.importorskip("pyproj")
 pytest.importorskip("osmium")
 
+pytestmark = pytest.mark.usefixtures("untextured")
+
 PLACE = Origin(47.6, 11.3, 0.0)
 EAST_NORTH = pyproj.Transformer.from_crs(4326, 32632, always_xy=True).transform(PLACE.longitude, PLACE.latitude)
 SIZE = (64.0, 48.0)

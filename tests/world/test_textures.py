@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Textures tile, have the stated albedo, depend on the seed, and exist for every material."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,6 +19,15 @@ from fieldtruth.world.textures.canvas import cells, even_out, finish, halve, lin
 SEED = np.random.SeedSequence(3)
 THIN = ("leaf_", "blade_", "frond_", "petal_")
 """Translucent surfaces are drawn as a whole leaf, blade or flower and do not tile."""
+
+SLOW = pytest.mark.slow
+FIRST = list({texture.draw: name for name, texture in reversed(TEXTURES.items())}.values())
+"""One texture of each drawing; others are the same function with other numbers, and slow together."""
+
+
+def every(names: Iterable[str]) -> list[Any]:
+    return [name if name in FIRST else pytest.param(name, marks=SLOW) for name in names]
+
 
 # Least and most mean linear albedo of red, green and blue.
 ALBEDO = {
@@ -38,7 +50,7 @@ def mean_albedo(texture: NDArray[np.uint8]) -> Array:
     return np.asarray(linear(texture[..., :3]).astype(np.float64).mean(axis=(0, 1)))
 
 
-@pytest.mark.parametrize("name", TEXTURES)
+@pytest.mark.parametrize("name", every(TEXTURES))
 def test_shape_and_mean_albedo(name: str) -> None:
     texture = make_texture(name, SEED)
     n = len(texture)
@@ -50,7 +62,7 @@ def test_shape_and_mean_albedo(name: str) -> None:
         assert least <= value <= most
 
 
-@pytest.mark.parametrize("name", [n for n in TEXTURES if not n.startswith(THIN)])
+@pytest.mark.parametrize("name", every(n for n in TEXTURES if not n.startswith(THIN)))
 @pytest.mark.parametrize("axis", [0, 1])
 def test_texture_has_no_seam(name: str, axis: int) -> None:
     """Lines on both sides of the edge differ no more than neighbouring lines inside."""
@@ -59,6 +71,7 @@ def test_texture_has_no_seam(name: str, axis: int) -> None:
     assert steps[0] <= steps[1:].mean() + 4 * steps[1:].std()
 
 
+@SLOW
 def test_ground_shows_millimetres_and_fits_into_memory() -> None:
     """Texels of 1 to 2 mm on what a robot drives on; an atlas of all textures, more than a world has, below 300 MB."""
     for name, material in MATERIALS.items():
@@ -71,7 +84,7 @@ def test_ground_shows_millimetres_and_fits_into_memory() -> None:
     assert codes * 4 / 3 * (4 + 1) < 300e6
 
 
-@pytest.mark.parametrize("name", ["lawn", "lawn_dry", "soil", "mulch", "litter", "gravel", "meadow"])
+@pytest.mark.parametrize("name", [*every(["lawn", "lawn_dry", "mulch", "litter", "meadow"]), "soil", "gravel"])
 def test_quarters_of_a_ground_texture_are_equally_bright(name: str) -> None:
     """A brighter patch would show the repetition."""
     light = linear(make_texture(name, SEED)[..., :3]).mean(axis=2)
