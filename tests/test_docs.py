@@ -291,6 +291,7 @@ def test_tutorials_can_be_followed(
     follow(page)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_park")
 def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)

@@ -135,7 +135,9 @@ def test_imu_readings_of_a_minute_integrate_to_the_pose(name: str) -> None:
     assert position < 0.05
 
 
-@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+@pytest.mark.parametrize(
+    "environment", ["park", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lake", "forest", "hillside"))]
+)
 def test_model_states_message_is_below_64_kb(environment: str) -> None:
     """The window of LZ4 is 64 kB: longer messages of the 1 kHz stream would not be compressed against the last one."""
     assert len(ModelStatesWriter(world(environment)).template) < 65_536

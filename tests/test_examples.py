@@ -113,6 +113,7 @@ def test_own_controller_turns_towards_the_trail(run_example: RunExample) -> None
     assert follow(label[:, ::-1])[1] == pytest.approx(-follow(label)[1], abs=0.02)
 
 
+@pytest.mark.slow
 def test_own_meshes_are_seen_by_their_names(tmp_path: Path, run_example: RunExample) -> None:
     pytest.importorskip("trimesh")
     lines = run_example("own_meshes.py", tmp_path)
@@ -126,11 +127,12 @@ def test_own_meshes_are_seen_by_their_names(tmp_path: Path, run_example: RunExam
 
 
 def test_own_route_is_driven(tmp_path: Path, run_example: RunExample) -> None:
-    lines = run_example("own_route.py", tmp_path, 0.5)
+    lines = run_example("own_route.py", tmp_path, 0.2)
     assert lines[0] == "route:"
-    assert lines[-1] == f"0.5 s in {tmp_path / 'my_route' / 'my_route.bag'}"
+    assert lines[-1] == f"0.2 s in {tmp_path / 'my_route' / 'my_route.bag'}"
 
 
+@pytest.mark.slow
 def test_fly_track_looks_down_from_the_helix(tmp_path: Path, run_example: RunExample) -> None:
     [line] = run_example("fly_track.py", tmp_path, 0.5)
     figures = re.fullmatch(r"([\d.]+) s in .*; at the end ([\d.]+) m high, (\d+) points in the scan", line)
@@ -186,6 +188,7 @@ def test_class_statistics_are_drawn(small_run: Path, tmp_path: Path, run_example
     assert np.ptp(imread(tmp_path / "shares.png")) > 0.5
 
 
+@pytest.mark.slow
 def test_annotate_bag_adds_clouds_and_images(bare_bag: Path, tmp_path: Path, run_example: RunExample) -> None:
     lines = run_example("annotate_bag.py", bare_bag, tmp_path / "annotated.bag")
     assert any(line.endswith("/os1_cloud_node/points") for line in lines)

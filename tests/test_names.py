@@ -124,6 +124,8 @@ def gone(path: Path, names: Names) -> list[str]:
     """Names in the prose of a file that do not exist; single words count where they are in double quotes of code."""
     found = []
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if "`" not in line:
+            continue
         for match in QUOTED.finditer(line):
             single = "." not in match[1]
             if not (single and (path.suffix != ".py" or "``" not in match[0])) and not names.exist(match[1]):

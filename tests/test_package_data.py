@@ -11,6 +11,8 @@ import tomllib
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 ROOT: Final = Path(__file__).parents[1]
 
 # Imports every module with only the standard library and what ``dependencies`` bring; prints those that ask for more.
@@ -62,6 +64,7 @@ _OF_EXTRAS: Final = {
 }
 
 
+@pytest.mark.slow
 def test_the_core_imports_only_what_a_plain_installation_brings() -> None:
     result = subprocess.run([sys.executable, "-c", _IMPORT_ALL], capture_output=True, text=True, check=True)
     found = dict(line.split() for line in result.stdout.splitlines())

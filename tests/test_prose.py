@@ -32,6 +32,7 @@ PROSE = {
 }
 
 
+ANY = re.compile("|".join(PROSE), re.IGNORECASE)
 PROSE_TOKENS = {tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
 
 
@@ -49,6 +50,8 @@ def findings(path: Path) -> Iterator[str]:
             for i, line in enumerate(t.string.splitlines())
         ]
     for number, line in pieces:
+        if not ANY.search(line):
+            continue
         for pattern, better in PROSE.items():
             for match in re.finditer(pattern, line, re.IGNORECASE):
                 yield f"{path.relative_to(ROOT)}:{number}: {match[0]!r} (write: {better})"

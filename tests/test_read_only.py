@@ -61,6 +61,7 @@ def run(read_only: dict[str, str], folder: Path, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_every_module_is_imported_and_kernels_run(read_only: dict[str, str], tmp_path: Path) -> None:
     count, product = run(read_only, tmp_path / "work", "-c", USE).split()
     assert int(count) == len(list(Path(fieldtruth.__file__).parent.rglob("*.py"))) - 1  # without fieldtruth itself

@@ -123,7 +123,9 @@ def changed(run: Path, target: Path, edits: Edits, makers: list[dict[str, str]] 
     return copy
 
 
-@pytest.mark.parametrize("makers", [[ELSEWHERE], [this_process(), ELSEWHERE], None])
+@pytest.mark.parametrize(
+    "makers", [[ELSEWHERE], *(pytest.param(k, marks=pytest.mark.slow) for k in ([this_process(), ELSEWHERE], None))]
+)
 @pytest.mark.usefixtures("in_park")
 def test_last_digits_of_another_processor_pass(
     makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path
@@ -146,7 +148,7 @@ def test_last_digits_of_this_processor_fail(lean_run: Path, tmp_path: Path) -> N
     assert "equal to the last digit: 5 of 5 mismatch" in texts["retraced clouds"]
 
 
-@pytest.mark.parametrize("makers", [[ELSEWHERE], None])
+@pytest.mark.parametrize("makers", [[ELSEWHERE], pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("in_park")
 def test_wrong_readings_of_another_processor_fail(
     makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path

@@ -164,6 +164,7 @@ def test_objects_that_do_not_exist_are_found(
     assert f"160000000 ns, row 100, column 100: object {objects} of {objects}" in texts["object classes"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_park")
 def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
     lean_run: Path, tmp_path: Path, leaf: tuple[int, int], ground: tuple[int, int]

@@ -86,7 +86,7 @@ def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path) -> N
 
 
 @pytest.mark.usefixtures("in_park")
-@pytest.mark.parametrize(("rate", "sampling"), [(50.0, "instant"), (7.0, "mean")])
+@pytest.mark.parametrize(("rate", "sampling"), [pytest.param(50.0, "instant", marks=pytest.mark.slow), (7.0, "mean")])
 def test_imu_of_any_rate_and_sampling_passes(rate: float, sampling: str, tmp_path: Path) -> None:
     values = load_experiment("park_2").model_dump()
     values["seconds"] = 0.3

@@ -35,7 +35,9 @@ def distorted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("distorted"), LENSES["plumb_bob"])
 
 
-@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize(
+    "name", [name if name == "plumb_bob" else pytest.param(name, marks=pytest.mark.slow) for name in LENSES]
+)
 def test_a_run_of_another_lens_passes(name: str, distorted: Path, tmp_path: Path) -> None:
     run = distorted if name == "plumb_bob" else recorded(tmp_path, LENSES[name])
     checks = {check.name: check for check in validate(run, full=True, samples=4)}

@@ -49,6 +49,7 @@ def many_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("many")).parent
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_park")
 def test_many_sensors_pass_every_check(many_run: Path) -> None:
     checks = {check.name: check for check in validate(many_run, full=True, samples=2)}

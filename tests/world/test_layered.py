@@ -611,6 +611,7 @@ def test_puddles_are_hollows_with_water_of_their_own(tmp_path: Path) -> None:
     assert (world.water_at(*np.array([[11.0, 7.0], [0.0, 6.0]]).T) < -100).all()
 
 
+@pytest.mark.slow
 def test_a_file_in_a_users_folder_is_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The example of the page on layers, in a process of its own, which reads FIELDTRUTH_PATH."""
     page = (Path(__file__).parents[2] / "docs" / "layers.md").read_text(encoding="utf-8")

@@ -90,6 +90,7 @@ def test_a_tint_of_an_unknown_parameter_or_material_is_refused(
         pass
 
 
+@pytest.mark.slow
 def test_a_forest_road_can_be_driven_between_walls_of_bushes() -> None:
     layout = {"size": [24, 24], "grid": 0.1, "beyond": False, "litter": 0, "open": 0}
     with without_textures():
@@ -105,6 +106,7 @@ def test_a_forest_road_can_be_driven_between_walls_of_bushes() -> None:
     assert (away < 6).mean() > 0.7  # they are a wall, not all over the wood
 
 
+@pytest.mark.slow
 def test_bare_gravel_of_a_quarry_is_trail_wherever_it_is() -> None:
     """What looks alike has one class: tracks and gravel of the yard are trail, litter and grass of banks are not."""
     with without_textures():

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,13 @@ LAYOUTS = {
     "hillside": {"pine": ["spruce"], "gorse": ["box"], "grass": ["dry"], "boulder": ["limestone"]},
     "forest": {"bush": ["box"], "ferns": ["nettle"]},
 }
+
+
+def often(environments: Iterable[str]) -> list[Any]:
+    """The park in every run of the tests, the others with the slow ones."""
+    return [name if name == "park" else pytest.param(name, marks=pytest.mark.slow) for name in environments]
+
+
 FEW: dict[str, dict[str, object]] = {  # quick to build
     "park": {"size": [50, 40], "bushes": 8, "large_trees": 3, "small_trees": 2, "beyond": 0},
     "lake": {"waterside_trees": 2, "meadow_trees": 3, "grass": 0.2},
@@ -34,9 +42,7 @@ FEW: dict[str, dict[str, object]] = {  # quick to build
 }
 
 
-@pytest.mark.parametrize(
-    "environment", ["park", *(pytest.param(k, marks=pytest.mark.slow) for k in LAYOUTS if k != "park")]
-)
+@pytest.mark.parametrize("environment", often(LAYOUTS))
 def test_a_layout_plants_other_species_in_every_environment(environment: str) -> None:
     plants = LAYOUTS[environment]
     size = {} if environment == "lake" else {"size": [70, 45]}
@@ -110,7 +116,7 @@ def test_a_group_is_counted_by_a_key_of_the_layout_and_smaller_individuals_have_
     assert sides[1] == pytest.approx(sides[0], rel=0.1)  # 0.7 times as long if all were smaller
 
 
-@pytest.mark.parametrize("environment", PLANTINGS)
+@pytest.mark.parametrize("environment", often(PLANTINGS))
 def test_every_group_grows(environment: str) -> None:
     for group in PLANTINGS[environment].groups:
         planter = Planter(environment, {})

@@ -49,7 +49,7 @@ def relative_deviation(lowest: float, highest: float, axis: int, shape: tuple[in
     return float(np.sqrt((power**2).sum()) / power.sum())
 
 
-@pytest.mark.parametrize("waviness", [1.6, 2.0, 2.5])
+@pytest.mark.parametrize("waviness", [2.0, *(pytest.param(w, marks=pytest.mark.slow) for w in (1.6, 2.5))])
 def test_profiles_have_the_spectrum_asked_for(waviness: float) -> None:
     field = shaped(white_noise((720, 600), np.random.default_rng(4)), SPACING, waviness).astype(float)
     for axis in (0, 1):

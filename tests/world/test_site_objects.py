@@ -293,7 +293,7 @@ def test_land_cover_and_photograph_and_the_land_beyond_are_those_of_the_rasters(
     world = build_world("site", 0, {
         "centre": [PLACE.latitude, PLACE.longitude], "size": [32, 24], "litter": 0, "grass_per_m2": 0,
         "land_cover": {"file": str(cover), "classes": {7: "soil", 9: "heath"}}, "photo": {"file": str(photo)},
-        "elevation": {"file": str(elevation), "reference": "ellipsoid"}, "surface": "lawn",
+        "elevation": {"file": str(elevation), "reference": "ellipsoid"}, "surface": "lawn", "individuals": 1,
     })  # fmt: skip
     names, y = world.terrain.ground_materials, np.array([9.0, -9.0])  # west, east
     weights = world.terrain.cover.at(np.zeros(2), y)
@@ -323,7 +323,7 @@ def test_woods_of_land_cover_without_trees_get_random_ones(tmp_path: Path) -> No
     layout = {
         "centre": [PLACE.latitude, PLACE.longitude], "size": [60, 60], "litter": 0, "grass_per_m2": 0, "grid": 0.2,
         "land_cover": {"file": str(cover), "classes": {10: "wood", 30: "meadow"}}, "individuals": 1,
-        "trees": {"file": str(tmp_path / "trees.csv")}, "trees_per_m2": 0.06,
+        "trees": {"file": str(tmp_path / "trees.csv")}, "trees_per_m2": 0.06, "beyond": False,
     }  # fmt: skip
     world = build_world("site", 0, layout)
     y = np.array([each.world_from_object[1, 3] for each in world.instances if each.kind in TREES])

@@ -21,7 +21,7 @@ THIN = ("leaf_", "blade_", "frond_", "petal_")
 """Translucent surfaces are drawn as a whole leaf, blade or flower and do not tile."""
 
 SLOW = pytest.mark.slow
-FIRST = list({texture.draw: name for name, texture in reversed(TEXTURES.items())}.values())
+FIRST = list({texture.draw: name for name, texture in reversed([*TEXTURES.items()])}.values())
 """One texture of each drawing; others are the same function with other numbers, and slow together."""
 
 
