@@ -9,7 +9,7 @@ headers of images have the stamp 0, points only x, y, z and intensity.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import html5lib
 import numpy as np
@@ -25,9 +25,6 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.cli import main
 from fieldtruth.report.page import map as page_map
 from fieldtruth.validation.runner import validate
-
-if TYPE_CHECKING:
-    from report_pages import Page
 
 KINDS: Final = ("table5", "files")
 WHEELS: Final = [f"/gazebo_client/{wheel}_speed" for wheel in ("front_left", "front_right", "rear_left", "rear_right")]
@@ -113,13 +110,15 @@ def sections_of(page: Path) -> dict[str, str]:
     return {str(section.get("id")): " ".join("".join(section.itertext()).split()) for section in root.iter("section")}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_park")
 def test_the_report_shows_what_there_is(
-    bags: dict[str, Path], page: "Page", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bags: dict[str, Path], small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page_map, "WIDTH", 300)  # a large aerial view takes seconds
-    own = sections_of(page.path)  # of the small run
-    made = sections_of(ft.write_report(bags["files"], out=tmp_path / "files.html"))
+    own, made = (
+        sections_of(ft.write_report(run, out=tmp_path / f"{run.name}.html")) for run in (small_run, bags["files"])
+    )
     assert made["classes"] == own["classes"]  # every pixel and point
     assert "Stereo pairs from the run with the class of every pixel" in made["images"]
     assert "blue line is the true path of base_link" in made["path"]
