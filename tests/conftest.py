@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -29,6 +30,7 @@ from fieldtruth.pipeline import generate
 from fieldtruth.render import daylight
 from fieldtruth.render.daylight import Daylight
 from fieldtruth.sensors.kind import SensorWorld
+from fieldtruth.world import library
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -279,10 +281,39 @@ _HEAPS: Final = dict[Any, Any]()
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _sky_of_folder(request: pytest.FixtureRequest) -> None:
-    """Small skies for the folders whose tests are in small worlds; files elsewhere ask for ``small_sky``."""
+def _of_folder(request: pytest.FixtureRequest) -> None:
+    """Small skies for the folders whose tests are in small worlds; files elsewhere ask for ``small_sky``.
+
+    Tests of worlds add files of species and environments.
+    """
     if request.path.parent.name in ("render", "simulation"):
         request.getfixturevalue("small_sky")
+    if request.path.parent.name == "world":
+        request.getfixturevalue("package_files_are_read_once")
+
+
+@pytest.fixture(scope="session")
+def package_files_are_read_once() -> Iterator[None]:
+    """The package's own files, which do not change, stay in memory when a test adds another: to parse them is slow."""
+    real = library._document
+    of_package = cache(real.__wrapped__)
+
+    def document(path: Path) -> Any:
+        return of_package(path) if library.FOLDER in path.parents else real(path)
+
+    document.cache_clear = real.cache_clear  # type: ignore[attr-defined]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(library, "_document", document)
+        yield
+
+
+@pytest.fixture(scope="module")
+def untextured() -> Iterator[None]:
+    """Worlds are built without textures, which change neither layout nor labels."""
+    from sense_worlds import without_textures
+
+    with without_textures():
+        yield
 
 
 @pytest.fixture(scope="module")
