@@ -170,7 +170,7 @@ def test_policies_of_a_file_say_what_they_observe(file: Path) -> None:
         (["nowhere_at_all:act"], "No module named 'nowhere_at_all'"),
         (["straight", "--worlds", "0"], "--worlds"),
         (["straight", "--out", "{}/no/folder/a.jsonl"], "cannot write"),
-        (["straight", "--out", "{}/agent.py"], "is no file of results"),
+        (["straight", "--out", "{}/agent.py"], "has other content than results"),
         (["{}/agent.py:broken", "--out", "{}/broken.jsonl"], "ValueError: no such layer"),
     ],
 )

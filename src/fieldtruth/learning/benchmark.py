@@ -172,7 +172,7 @@ def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:
         first, *lines = path.read_text(encoding="utf-8").splitlines()
         known = json.loads(first)
     except (OSError, ValueError) as error:
-        raise OutputError(f"{path} is no file of results; choose another, or --overwrite") from error
+        raise OutputError(f"{path} has other content than results; choose another file, or --overwrite") from error
     if known != head:
         differs = ", ".join(key for key in head if not isinstance(known, dict) or known.get(key) != head[key])
         raise OutputError(f"{path} has results of another {differs}; choose another file, or --overwrite")
@@ -222,7 +222,8 @@ def table(results: Sequence[Result]) -> str:
     ]
     for level in levels:
         rows = [each for each in results if level is None or difficulty[each["task"]] == level]
-        lines.append(f"| {'all' if level is None else f'{level:g}'} | {len(rows)} | {_cells(rows)} |")
+        name = "all" if level is None else f"{level:g}"
+        lines.append(f"| {name} | {len(rows)} | {_cells(rows)} |")
     return "\n".join(lines)
 
 
