@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,15 @@ def test_clouds_and_latched_frames_reach_another_process_unchanged() -> None:
         assert row["fields"] == [field.name for field in cloud.fields]
         assert row["sum"] == zlib.adler32(cloud.data.tobytes())
     assert not run.lines
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="descriptors are listed by Linux")
+def test_the_search_for_sockets_leaves_no_descriptor_open() -> None:
+    with TemporaryFile(), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("0.0.0.0", 0))
+        before = sorted(path.name for path in Path("/proc/self/fd").iterdir())
+        assert own.fileno() in udp_sockets()
+        assert sorted(path.name for path in Path("/proc/self/fd").iterdir()) == before
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="Linux before 5.7 lets only root bind")

@@ -9,6 +9,7 @@ over it. Services identify requests in ways that differ between middlewares; so 
 
 import os
 import socket
+import stat
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final
@@ -63,9 +64,13 @@ def udp_sockets() -> set[int]:
     """Return the descriptors of this process that are sockets of UDP and receive at all addresses."""
     found = set()
     for number in map(int, os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else ()):  # noqa: PTH208, PTH112
-        with suppress(OSError), socket.socket(fileno=os.dup(number)) as each:
-            if each.type == socket.SOCK_DGRAM and each.family == socket.AF_INET and each.getsockname()[0] == "0.0.0.0":
-                found.add(number)
+        with suppress(OSError):
+            if not stat.S_ISSOCK(os.fstat(number).st_mode):
+                continue  # the copy of what no socket can be made of would stay open
+            with socket.socket(fileno=os.dup(number)) as each:
+                udp = each.type == socket.SOCK_DGRAM and each.family == socket.AF_INET
+                if udp and each.getsockname()[0] == "0.0.0.0":
+                    found.add(number)
     return found
 
 
