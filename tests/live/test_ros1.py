@@ -23,7 +23,8 @@ from fieldtruth.experiment.files import dump_experiment
 
 PYTHON, PACKAGES = "/usr/bin/python3", "/usr/lib/python3/dist-packages"
 LIVE = f"""
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
 sys.path.append({PACKAGES!r})  # behind our own
 from fieldtruth.cli import main
 sys.exit(main(sys.argv[1:]))
