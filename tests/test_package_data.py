@@ -51,8 +51,9 @@ for module in modules:
         continue
     try:
         importlib.import_module(module.name)
-    except ModuleNotFoundError as error:
-        print(module.name, error.name)
+    except (ModuleNotFoundError, fieldtruth.FieldtruthError) as error:
+        missing = error if isinstance(error, ModuleNotFoundError) else error.__cause__
+        print(module.name, missing.name)
 """
 _OF_EXTRAS: Final = {
     **dict.fromkeys((f"fieldtruth.cluster.{name}" for name in ("engine", "worker")), "distributed"),
@@ -61,6 +62,7 @@ _OF_EXTRAS: Final = {
     "fieldtruth.exporters.mcap": "mcap",
     "fieldtruth.exporters.stereo_depth": "cv2",
     "fieldtruth.interchange.usd": "pxr",
+    "fieldtruth.learning": "gymnasium",
 }
 
 
