@@ -23,11 +23,11 @@ from fieldtruth.experiment.config import Experiment, metres_from_route
 from fieldtruth.experiment.fields import Mount, condition_at, models_of
 from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import FORMS, MountedConfig
+from fieldtruth.experiment.sensor_config import FORMS, KINDS, MountedConfig, SensorConfig
 from fieldtruth.sensors.camera.config import StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.kind import SensorWorld
+from fieldtruth.sensors.kind import SENSORS, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation.runner import validate
@@ -293,7 +293,10 @@ def test_tutorials_can_be_followed(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_park")
-def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_page_on_extending_can_be_followed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    request.addfinalizer(lambda: SENSORS.pop(KINDS.pop("sonar", SensorConfig), None))  # it changes keys
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr("fieldtruth.exporters.__path__", [*exporters.__path__, str(tmp_path / "exporters")])
