@@ -49,6 +49,38 @@ def here(blocks: Any, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return driven
 
 
+POLICIES = """
+import numpy as np
+
+def act(observation):
+    return observation["state"][:2] * 0.0
+
+act.observation = ("state", "lidar")
+
+class Agent:
+    observation = "state"
+
+    def __init__(self):
+        self.steps = 0
+
+    def __call__(self, observation):
+        self.steps += 1
+        return np.array([0.5, 0.0]) * (self.steps > 5)
+
+def broken(observation):
+    raise ValueError("no such layer")
+
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "agent.py"
+    path.write_text(POLICIES)
+    return path
+
+
 def test_the_list_has_400_tasks_in_40_unseen_worlds_at_three_difficulties() -> None:
     tasks = benchmark_tasks()
     assert [task.number for task in tasks] == [*range(400)]
@@ -83,7 +115,7 @@ def test_tasks_that_a_file_has_are_not_driven_again(here: list[int], tmp_path: P
     assert score(STRAIGHT, out) == whole
     assert here == [0, 1]
     text = out.read_text()
-    out.write_text(text[:-20])  # a process that was killed while it wrote the last line
+    out.write_text("".join(text.splitlines(keepends=True)[:-1]))  # interrupted before the last task
     assert score(STRAIGHT, out) == whole
     assert here == [0, 1, 1]
     assert out.read_text() == text
@@ -91,6 +123,29 @@ def test_tasks_that_a_file_has_are_not_driven_again(here: list[int], tmp_path: P
         score(PATH, out)
     assert out.read_text() == text
     assert [each["success"] for each in score(PATH, out, overwrite=True)] == [1.0, 1.0]
+
+
+def test_results_of_a_file_that_was_edited_are_not_taken_and_a_policy_that_fails_loses_none(
+    here: list[int], file: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "agent.jsonl"
+    score(policy_of(f"{file}:Agent"), out)
+    text = out.read_text()
+    with pytest.raises(ConfigurationError, match="no such layer"):
+        score(policy_of(f"{file}:broken"), out, overwrite=True)
+    assert out.read_text() == text
+    file.write_text(POLICIES.replace("0.5", "0.6"))
+    with pytest.raises(OutputError, match="results of another file; choose"):
+        score(policy_of(f"{file}:Agent"), out)
+    assert out.read_text() == text
+
+
+def test_a_module_is_loaded_once(tmp_path: Path) -> None:
+    counted = tmp_path / "counted.py"
+    counted.write_text(f"open({str(tmp_path / 'log')!r}, 'a').write('x')\n\ndef act(seen):\n    return seen\n")
+    policy = policy_of(f"{counted}:act")
+    assert policy.load()() is policy.load()()
+    assert (tmp_path / "log").read_text() == "x"
 
 
 def test_another_world_than_that_of_the_list_is_an_error(blocks: Any) -> None:
@@ -116,38 +171,6 @@ def test_intervals_of_means_hold_the_true_one_19_times_in_20() -> None:
     samples = np.random.default_rng(0).exponential(2.0, (2000, 100))
     held = [low < 2.0 < high for _, low, high in map(benchmark.mean_interval, samples)]
     assert 0.92 < np.mean(held) < 0.96
-
-
-POLICIES = """
-import numpy as np
-
-def act(observation):
-    return observation["state"][:2] * 0.0
-
-act.observation = ("state", "lidar")
-
-class Agent:
-    observation = "state"
-
-    def __init__(self):
-        self.steps = 0
-
-    def __call__(self, observation):
-        self.steps += 1
-        return np.array([0.5, 0.0]) * (self.steps > 5)
-
-def broken(observation):
-    raise ValueError("no such layer")
-
-number = 3
-"""
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    path = tmp_path / "agent.py"
-    path.write_text(POLICIES)
-    return path
 
 
 def test_policies_of_a_file_say_what_they_observe(file: Path) -> None:

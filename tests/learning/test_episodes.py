@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Episodes as a data set of Minari, read by its own loader: what was seen, done and got, as an environment gives it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ from drive_worlds import make_world
 from small_park import LAYOUT
 
 from fieldtruth import cli
-from fieldtruth.core.errors import OutputError
+from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.learning.episodes import record_episodes
-from fieldtruth.learning.policies import policy_of
+from fieldtruth.learning.policies import Policy, policy_of
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +56,27 @@ def test_minari_reads_what_an_environment_gives(
 
 def test_an_existing_data_set_is_kept(recorded: tuple[Path, str, Any]) -> None:
     root, _, world = recorded
-    with pytest.raises(OutputError, match="exists; choose another folder"):
+    with pytest.raises(OutputError, match="already exists"):
         record_episodes(policy_of("path"), root, episodes=1, world=world)
     for overwrite in (False, True):
         again = record_episodes(
             policy_of("straight"), root, episodes=1, world=world, time_limit=1.0, overwrite=overwrite
         )
         assert again == "fieldtruth/park/reach-straight-train-v0"
+
+
+def test_a_policy_that_fails_keeps_the_data_set_and_leaves_nothing_else(tmp_path: Path) -> None:
+    agent = tmp_path / "agent.py"
+    agent.write_text("def act(seen):\n    return [0.1, 0.0]\n")
+    world, root = make_world(size=(40.0, 40.0)), tmp_path / "minari"
+    record_episodes(policy_of(f"{agent}:act"), root, episodes=1, world=world, time_limit=0.5)
+    before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
+    failing = replace(policy_of(f"{agent}:act"), observation="lidar/class")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Policy, "load", lambda self: lambda: lambda seen: 1 / 0)
+        with pytest.raises(ConfigurationError, match="ZeroDivisionError: division by zero"):
+            record_episodes(failing, root, episodes=1, world=world, time_limit=0.5, overwrite=True)
+    assert {path: path.read_bytes() for path in root.rglob("*") if path.is_file()} == before
 
 
 def test_a_data_set_knows_its_environment_and_that_of_the_test_worlds(

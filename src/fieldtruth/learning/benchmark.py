@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.learning.environment import TIME, Reach
 from fieldtruth.learning.policies import Policy, call
@@ -112,7 +113,8 @@ def score(
 
     Args:
         policy: what drives.
-        out: file with a line of JSON for each task; tasks that it has are not driven again.
+        out: file with a line of JSON for each task; tasks that it has are not driven again, unless the policy's file
+            has changed, which is an error.
         worlds: number of worlds.
         workers: number of processes; each has one world in memory.
         overwrite: begin anew.
@@ -122,28 +124,21 @@ def score(
         OutputError: the file has results of something else, or cannot be written.
         ConfigurationError: as ``drive_task``.
     """
-    head = json.loads(
-        json.dumps(
-            {"benchmark": NAME, "digest": list_digest(), "policy": policy.name, "observation": policy.observation}
-        )
-    )
+    out = output_path(out, single=True, parents=False, overwrite=True)  # what is there is looked at below
+    seen = policy.observation if isinstance(policy.observation, str) else [*policy.observation]
+    head: Result = {"benchmark": NAME, "digest": list_digest(), "policy": policy.name, "observation": seen}
+    head["file"] = policy.digest
     groups = [[*tasks] for _, tasks in groupby(benchmark_tasks(), lambda task: (task.environment, task.world))][:worlds]
     found = {} if overwrite else _read(out, head)
     left = [rest for tasks in groups if (rest := [task for task in tasks if task.number not in found])]
     total = sum(map(len, left))
-    try:
-        with out.open("w", encoding="utf-8") as file:
-            for line in (head, *found.values()):
-                print(json.dumps(line), file=file, flush=True)
-            with (progress or Silent()).stage(f"drive {total} tasks", float(total)) as advance:
-                for results in _results(left, policy, workers):
-                    for result in results:
-                        print(json.dumps(result), file=file)
-                        found[result["task"]] = result
-                    file.flush()
-                    advance(float(len(results)))
-    except OSError as error:
-        raise OutputError(f"cannot write {out}: {error.strerror}") from error
+    with (progress or Silent()).stage(f"drive {total} tasks", float(total)) as advance:
+        for results in _results(left, policy, workers):
+            found |= {result["task"]: result for result in results}
+            lines = [json.dumps(row) for row in (head, *found.values())]
+            with output_errors(out, resumes=True):
+                write_atomically(out, "\n".join((*lines, "")))
+            advance(float(len(results)))
     return [found[task.number] for tasks in groups for task in tasks]
 
 
@@ -161,7 +156,7 @@ def _results(groups: Sequence[Sequence[BenchmarkTask]], policy: Policy, workers:
 
 
 def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:
-    """Return results of a file by the number of the task; a last line that was not finished is dropped.
+    """Return results of a file by the number of the task.
 
     Raises:
         OutputError: they are of something else.
@@ -169,20 +164,13 @@ def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:
     if not path.exists():
         return {}
     try:
-        first, *lines = path.read_text(encoding="utf-8").splitlines()
-        known = json.loads(first)
-    except (OSError, ValueError) as error:
+        known, *rows = map(json.loads, path.read_text(encoding="utf-8").splitlines())
+        differs = [key for key in head if known.get(key) != head[key]]
+        found = {int(row["task"]): row for row in rows}
+    except (OSError, ValueError, AttributeError, KeyError, TypeError) as error:
         raise OutputError(f"{path} has other content than results; choose another file, or --overwrite") from error
-    if known != head:
-        differs = ", ".join(key for key in head if not isinstance(known, dict) or known.get(key) != head[key])
-        raise OutputError(f"{path} has results of another {differs}; choose another file, or --overwrite")
-    found = {}
-    for line in lines:
-        try:
-            result = json.loads(line)
-        except ValueError:
-            break
-        found[int(result["task"])] = result
+    if differs:
+        raise OutputError(f"{path} has results of another {', '.join(differs)}; choose another file, or --overwrite")
     return found
 
 
@@ -207,9 +195,10 @@ def share_interval(hits: int, count: int) -> Interval:
 
 
 def mean_interval(values: NDArray[np.float64]) -> Interval:
-    """Normal interval of a mean."""
+    """Normal interval of a mean of values that are not negative."""
+    mean = float(values.mean())
     half = _NORMAL * float(values.std(ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else float("nan")
-    return Interval(float(values.mean()), float(values.mean()) - half, float(values.mean()) + half)
+    return Interval(mean, max(0.0, mean - half), mean + half)
 
 
 def table(results: Sequence[Result]) -> str:

@@ -3,12 +3,12 @@
 """Episodes of any policy as data for offline learning and imitation: a data set of Minari."""
 
 import os
-import shutil
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import gymnasium
@@ -16,7 +16,8 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
-from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.files import output_errors, output_path, remove, replace_synced
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.learning.config import LearningConfig
 from fieldtruth.learning.policies import Policy, call
@@ -61,36 +62,32 @@ def record_episodes(
     seen = LearningConfig.of({"observation": policy.observation}).names
     minari, driver = _minari(), "".join(each if each.isalnum() else "_" for each in policy.name)
     name = f"fieldtruth/{Path(config.environment).stem}/{task.lower()}-{driver}-{config.split}-v0"
+    path = output_path(out / name, overwrite=overwrite)
     both = tuple(dict.fromkeys(config.names + seen))
     env = gymnasium.make(f"fieldtruth/{task}-v0", **{**arguments, "observation": both})
-    if (out / name).exists() and not overwrite:
-        raise OutputError(f"{out / name} exists; choose another folder, or --overwrite")
-    spec = _spec_of(env, shown, config.split)
-    tested = _spec_of(env, shown, "test")
 
-    def driven(advance: Callable[[float], None]) -> Iterator[Any]:
-        for episode in range(episodes):
-            yield _drive(env, policy, shown, seed if episode == 0 else None, minari.data_collector.EpisodeBuffer)
-            advance(1.0)
+    def driven() -> Iterator[Any]:
+        with (progress or Silent()).stage(f"drive {episodes} episodes", float(episodes)) as advance:
+            for episode in range(episodes):
+                yield _drive(env, policy, shown, seed if episode == 0 else None, minari.data_collector.EpisodeBuffer)
+                advance(1.0)
 
-    with _root(out), (progress or Silent()).stage(f"drive {episodes} episodes", float(episodes)) as advance:
-        shutil.rmtree(out / name, ignore_errors=True)
-        try:
-            minari.create_dataset_from_buffers(
-                name,
-                driven(advance),
-                env=spec,
-                eval_env=tested,
-                observation_space=_space_of(env, shown),
-                action_space=env.action_space,
-                algorithm_name=policy.name,
-                description=f"{episodes} episodes of {task} in {config.environment}, {config.split}, seed {seed}",
-                requirements=["fieldtruth[rl]"],
-                jpeg_encoding=False,
-            )
-        except BaseException:
-            shutil.rmtree(out / name, ignore_errors=True)
-            raise
+    with _new_root(out) as root:
+        minari.create_dataset_from_buffers(
+            name,
+            driven(),
+            env=_spec_of(env, shown, config.split),
+            eval_env=_spec_of(env, shown, "test"),
+            observation_space=_space_of(env, shown),
+            action_space=env.action_space,
+            algorithm_name=policy.name,
+            description=f"{episodes} episodes of {task} in {config.environment}, {config.split}, seed {seed}",
+            requirements=["fieldtruth[rl]"],
+            jpeg_encoding=False,
+        )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove(path)
+        replace_synced(root / name, path)
     return name
 
 
@@ -147,18 +144,17 @@ def _minari() -> Any:
 
 
 @contextmanager
-def _root(out: Path) -> Iterator[None]:
-    """Let Minari write below a folder, without its warnings."""
+def _new_root(out: Path) -> Iterator[Path]:
+    """Let Minari write below a temporary folder in ``out``, without its warnings."""
     before = os.environ.get(_ROOT)
-    os.environ[_ROOT] = str(out)
-    try:
+    with output_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-        with warnings.catch_warnings():
+        with TemporaryDirectory(dir=out, prefix=".") as root, warnings.catch_warnings():
             warnings.filterwarnings("ignore", module="minari")
-            yield
-    except OSError as error:
-        raise OutputError(f"cannot write {out}: {error.strerror or error}") from error
-    finally:
-        os.environ.pop(_ROOT)
-        if before is not None:
-            os.environ[_ROOT] = before
+            os.environ[_ROOT] = root
+            try:
+                yield Path(root)
+            finally:
+                os.environ.pop(_ROOT)
+                if before is not None:
+                    os.environ[_ROOT] = before

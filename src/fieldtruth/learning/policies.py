@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Policies: functions from an observation to an action. Two followers without sensors, and those of users."""
 
+import hashlib
 import importlib
 import importlib.util
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,6 +68,12 @@ class Policy:
         found = _load(self.name)
         return found if isinstance(found, type) else lambda: found
 
+    @property
+    def digest(self) -> str:
+        """First twelve digits of the SHA-256 digest of its file; empty if no file is named."""
+        path = Path(self.name.rpartition(":")[0])
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:12] if path.suffix == ".py" else ""
+
 
 def policy_of(name: str, observation: Sequence[str] | None = None) -> Policy:
     """Return a policy that can be loaded; it observes ``observation``, or what its attribute of this name says.
@@ -87,6 +95,7 @@ def call(policy: Policy, act: Act, observation: Any) -> Any:
         raise ConfigurationError(f"policy {policy.name}: {type(error).__name__}: {error}") from error
 
 
+@cache
 def _load(name: str) -> Any:
     """Return what FILE.py:NAME or MODULE:NAME is; raises as ``Policy.load``."""
     where, colon, what = name.rpartition(":")
