@@ -3,6 +3,11 @@
 """The fixed benchmark of Reach: its list, what its tasks count, resuming, intervals, policies of users, bad input."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -215,3 +220,31 @@ def test_the_first_world_is_that_of_the_list_and_its_paths_can_be_driven(tmp_pat
     assert sum(each["success"] for each in results) >= 9
     assert len(out.read_text().splitlines()) == 11
     assert json.loads(out.read_text().splitlines()[0])["digest"] == benchmark.list_digest()
+
+
+CLI = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
+from fieldtruth.cli import main
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="process groups are those of POSIX")
+def test_ctrl_c_at_a_terminal_is_one_line_and_keeps_what_is_done(tmp_path: Path) -> None:
+    """A terminal sends it to all processes of the group."""
+    script, out = tmp_path / "cli.py", tmp_path / "straight.jsonl"
+    script.write_text(CLI)
+    command = [sys.executable, str(script), "score", "straight", "--worlds", "3", "--workers", "1", "--out", str(out)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while not out.exists():
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    told = process.communicate()[1]
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "error: interrupted"
+    assert "Traceback" not in told
+    assert len(out.read_text().splitlines()) == 11

@@ -9,11 +9,13 @@ path must be as long as it was then, or the world is not the one of the list.
 import csv
 import hashlib
 import json
+import signal
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from importlib import resources
 from itertools import groupby
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -146,13 +148,20 @@ def _results(groups: Sequence[Sequence[BenchmarkTask]], policy: Policy, workers:
     """Yield the results of each world as it is done; a process drives one world, whose memory ends with it."""
     if not groups:
         return
-    with ProcessPoolExecutor(workers, get_context("spawn"), max_tasks_per_child=1) as pool:
-        jobs = [pool.submit(_drive_in_world, tasks, policy) for tasks in groups]
+    others = {*active_children()}
+    ignore_interrupts = signal.signal, (signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all processes
+    with ProcessPoolExecutor(workers, get_context("spawn"), *ignore_interrupts, max_tasks_per_child=1) as pool:
         try:
-            for job in as_completed(jobs):
+            for job in as_completed([pool.submit(_drive_in_world, tasks, policy) for tasks in groups]):
                 yield job.result()
+        except BrokenProcessPool as error:
+            raise OutputError(
+                "a process that drove was ended, perhaps for lack of memory; take fewer --workers"
+            ) from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in {*active_children()} - others:
+                child.terminate()
 
 
 def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:
