@@ -15,6 +15,7 @@ from small_park import LAYOUT
 
 from fieldtruth import cli
 from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.learning.driven import Drives
 from fieldtruth.learning.episodes import record_episodes
 from fieldtruth.learning.policies import Policy, policy_of
 
@@ -23,9 +24,8 @@ from fieldtruth.learning.policies import Policy, policy_of
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, Any]:
     """Root folder, id and world of three episodes of the follower along the path, whose observation is not recorded."""
     root, world = tmp_path_factory.mktemp("minari"), make_world(size=(40.0, 40.0))
-    name = record_episodes(
-        policy_of("path"), root, episodes=3, seed=5, world=world, observation=("state", "lidar"), difficulty=0.0
-    )
+    arguments = {"world": world, "observation": ("state", "lidar"), "difficulty": 0.0}
+    name = record_episodes(Drives(policy_of("path"), episodes=3, seed=5, arguments=arguments), root)
     return root, name, world
 
 
@@ -57,34 +57,32 @@ def test_minari_reads_what_an_environment_gives(
 def test_an_existing_data_set_is_kept(recorded: tuple[Path, str, Any]) -> None:
     root, _, world = recorded
     with pytest.raises(OutputError, match="already exists"):
-        record_episodes(policy_of("path"), root, episodes=1, world=world)
+        record_episodes(Drives(policy_of("path"), episodes=1, arguments={"world": world}), root)
     for overwrite in (False, True):
-        again = record_episodes(
-            policy_of("straight"), root, episodes=1, world=world, time_limit=1.0, overwrite=overwrite
-        )
+        drives = Drives(policy_of("straight"), episodes=1, arguments={"world": world, "time_limit": 1.0})
+        again = record_episodes(drives, root, overwrite=overwrite)
         assert again == "fieldtruth/park/reach-straight-train-v0"
 
 
 def test_a_policy_that_fails_keeps_the_data_set_and_leaves_nothing_else(tmp_path: Path) -> None:
     agent = tmp_path / "agent.py"
     agent.write_text("def act(seen):\n    return [0.1, 0.0]\n")
-    world, root = make_world(size=(40.0, 40.0)), tmp_path / "minari"
-    record_episodes(policy_of(f"{agent}:act"), root, episodes=1, world=world, time_limit=0.5)
+    root, arguments = tmp_path / "minari", {"world": make_world(size=(40.0, 40.0)), "time_limit": 0.5}
+    record_episodes(Drives(policy_of(f"{agent}:act"), episodes=1, arguments=arguments), root)
     before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
     failing = replace(policy_of(f"{agent}:act"), observation="lidar/class")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Policy, "load", lambda self: lambda: lambda seen: 1 / 0)
         with pytest.raises(ConfigurationError, match="ZeroDivisionError: division by zero"):
-            record_episodes(failing, root, episodes=1, world=world, time_limit=0.5, overwrite=True)
+            record_episodes(Drives(failing, episodes=1, arguments=arguments), root, overwrite=True)
     assert {path: path.read_bytes() for path in root.rglob("*") if path.is_file()} == before
 
 
 def test_a_data_set_knows_its_environment_and_that_of_the_test_worlds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    name = record_episodes(
-        policy_of("path"), tmp_path, episodes=1, environment="park", layout=LAYOUT, worlds=2, time_limit=0.3
-    )
+    arguments = {"environment": "park", "layout": LAYOUT, "worlds": 2, "time_limit": 0.3}
+    name = record_episodes(Drives(policy_of("path"), episodes=1, arguments=arguments), tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     data = minari.load_dataset(name)
     for evaluate, seeds in ((False, (0, 1)), (True, (1000, 1001))):
@@ -103,6 +101,8 @@ def test_a_data_set_knows_its_environment_and_that_of_the_test_worlds(
         (["path", "--difficulty", "2"], "difficulty"),
         (["fast"], "unknown policy 'fast'"),
         (["path", "--environment", "moon"], "moon"),
+        (["path", "--to", "hdf5"], "unknown format 'hdf5'"),
+        (["path", "--record", "state,lidar,lidar/class"], "Minari cannot hold both lidar and lidar/class"),
     ],
 )
 def test_bad_input_is_one_line(

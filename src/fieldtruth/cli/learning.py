@@ -35,6 +35,7 @@ def _score(options: argparse.Namespace) -> None:
 
 
 def _episodes(options: argparse.Namespace) -> None:
+    from fieldtruth.learning.driven import Drives
     from fieldtruth.learning.episodes import record_episodes
     from fieldtruth.learning.policies import policy_of
 
@@ -48,18 +49,15 @@ def _episodes(options: argparse.Namespace) -> None:
     policy = policy_of(options.policy, options.observation)
     if options.task not in TASKS:
         raise UnknownNameError("task", options.task, TASKS)
+    arguments = {key: value for key, value in given.items() if value is not None}
+    drives = Drives(policy, options.task, options.episodes, options.seed, arguments)
     with show_progress() as progress:
-        name = record_episodes(
-            policy,
-            options.out,
-            task=options.task,
-            episodes=options.episodes,
-            seed=options.seed,
-            overwrite=options.overwrite,
-            progress=progress,
-            **{key: value for key, value in given.items() if value is not None},
-        )
-    print(f"{options.out / name}: minari.load_dataset({name!r}) with MINARI_DATASETS_PATH={options.out}")
+        name = record_episodes(drives, options.out, to=options.to, overwrite=options.overwrite, progress=progress)
+    path = options.out / name
+    if options.to == "lerobot":
+        print(f"{path}: LeRobotDataset({name!r}, root={str(path)!r})")
+    else:
+        print(f"{path}: minari.load_dataset({name!r}) with MINARI_DATASETS_PATH={options.out}")
 
 
 COMMANDS: Final = {"score": _score, "episodes": _episodes}
