@@ -25,6 +25,7 @@ from fieldtruth.learning.robot import EpisodeRobot, Happened
 from fieldtruth.learning.senses import Senses, rigs_of
 from fieldtruth.learning.task_world import TaskWorld, kept
 from fieldtruth.learning.tasks import Task
+from fieldtruth.learning.viewer import Viewer
 from fieldtruth.world.build import check_experiment, load_world
 from fieldtruth.world.model import World
 
@@ -44,14 +45,15 @@ class FieldEnv(gymnasium.Env[Any, Any]):
     Args:
         environment: a name from ``list_environments``, or an environment's file.
         world: a world that replaces those of the environment.
-        render_mode: ``rgb_array``, a photograph from behind the robot, or None.
+        render_mode: ``rgb_array``, a photograph from behind the robot, ``human``, the rerun viewer, or None.
         arguments: those of ``LearningConfig``.
 
     Raises:
         ConfigurationError, UnknownNameError: a value that is not allowed.
+        OutputError: there is no viewer.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's name)
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's name)
     has_goal: ClassVar[bool] = False
 
     def __init__(
@@ -72,6 +74,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", str(render_mode), self.metadata["render_modes"])
         self.render_mode = render_mode
+        self._viewer = Viewer() if render_mode == "human" else None
         self.metadata = {**self.metadata, "render_fps": self.config.control_hz}
         self._seeds = (0,) if world is not None else self.config.seeds
         self._seed, self._episodes = self._seeds[0], 0
@@ -140,7 +143,9 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         difficulty = float(self.np_random.uniform(*given.range))
         self._task = self._with_given(made, self._new_task(made, difficulty), chosen)
         self._begin(made, self._task)
-        return self._senses.read(), {
+        if self._viewer is not None:
+            self._viewer.begin(made, self._task)
+        return self._observed(), {
             "world": made.world.seed,
             "difficulty": difficulty,
             "hazard": self._task.hazard,
@@ -212,7 +217,15 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         info: dict[str, Any] = {"reward": terms, "cause": cause or (TIME if truncated else "")}
         if cause or truncated:
             info["metrics"] = self._metrics.result(seconds, success=cause == REACHED)
-        return self._senses.read(), reward, bool(cause), truncated, info
+        return self._observed(), reward, bool(cause), truncated, info
+
+    def _observed(self) -> Any:
+        """Return the observation, after it was shown."""
+        seen = self._senses.read()
+        if self._viewer is not None:
+            named = seen if isinstance(seen, dict) else {self.config.names[0]: seen}
+            self._viewer.show(self._robot.seconds, self._robot.now, self._senses.scan, named)
+        return seen
 
     def _step_of(self, happened: Happened, progress: float, straight: float, cause: str) -> Step:
         return Step(
@@ -245,7 +258,13 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the photograph (270, 480, 3) from behind the robot; the first one bakes the world's light."""
-        return self._senses.rendered() if self.render_mode and self._current else None
+        return self._senses.rendered() if self.render_mode == "rgb_array" and self._current else None
+
+    def close(self) -> None:
+        """End the viewer's recording."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
 
 class Reach(FieldEnv):

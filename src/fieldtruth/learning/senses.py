@@ -183,6 +183,14 @@ class Senses:
         return cloud
 
     @property
+    def scan(self) -> tuple[readings.Cloud, Array] | None:
+        """The scan after the last step with its base_from_lidar (4, 4); None if no observation needs it."""
+        mount = self._scan_config.mount  # type: ignore[attr-defined]
+        return (
+            (self.cloud, mount.base_from_sensor) if {"lidar", "lidar/class", "elevation/seen"} & {*self.names} else None
+        )
+
+    @property
     def world_from_scanner(self) -> Array:
         """Pose (4, 4) of the scan."""
         return self._now.world_from_base @ self._scan_config.mount.base_from_sensor  # type: ignore[attr-defined, no-any-return]
