@@ -88,3 +88,16 @@ def test_points_at_their_true_ranges(more: dict[str, Any]) -> None:
     rows = np.searchsorted(ideal.column.astype(int) * 64 + ideal.ring, ray)
     assert np.stack([found[axis] for axis in "xyz"], axis=-1).tobytes() == ideal.xyz[rows].tobytes()
     assert len(found) > 20_000
+
+
+@pytest.mark.parametrize("signal", [None, {**SHEET, **WIDE}])
+def test_threads_change_no_bit_of_a_scan(signal: dict[str, Any] | None) -> None:
+    """Each traces a span of columns, here of 509, with poses of a LiDAR that moves."""
+    config = LidarConfig(columns=509, signal=None if signal is None else signal_of(signal))
+    poses = np.stack([at(0.001 * k, 0.0005 * k, 0.0) for k in range(510)])
+    one, many = Lidar(config, SCENE), Lidar(config, SCENE)
+    many.workers = 3
+    for number in range(2):
+        for ours, theirs in zip(one.scan(poses, 0, number), many.scan(poses, 0, number), strict=True):
+            assert len(ours) > 10_000
+            np.testing.assert_array_equal(ours, theirs)

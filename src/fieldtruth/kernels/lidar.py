@@ -16,6 +16,8 @@ from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, Packet, classify, hit_top, read_grid, set_ray
 
 _LANES, _WIDTH, _HEIGHT = packets.LANES, packets.LANES // 4, 4
+TILE_COLUMNS: Final = _WIDTH
+"""Columns whose rays share packets."""
 _OX, _OY, _OZ, _DX, _DY, _DZ = packets.ORG_X, packets.ORG_Y, packets.ORG_Z, packets.DIR_X, packets.DIR_Y, packets.DIR_Z
 _FAR, _PRIM, _GEOM, _INST, _INST_PRIM = (
     packets.TFAR,
@@ -259,9 +261,12 @@ def trace_echoes(
     poses: Array,
     beams: Beams,
     rays: SubRays,
+    span: tuple[int, int],
     out: EchoBuffers,
 ) -> None:
-    """Trace the rays of all beams in tiles of neighbouring columns and rings, and make echoes of what they meet.
+    """Trace a span of columns in tiles of neighbouring columns and rings, and make echoes of what they meet.
+
+    A span that begins at a multiple of ``TILE_COLUMNS`` gives the same echoes as a scan in one piece.
 
     The middles of beams share packets, however many rays a beam has, so that their ranges are the same to the last bit;
     other packets, of coherent rays, hold the other rays of a few neighbouring beams. Without ``surfaces`` a beam has
@@ -273,7 +278,7 @@ def trace_echoes(
     for lane in range(_LANES):
         set_ray(packets[0], lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
         set_ray(packets[1], lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
-    for first_column in range(0, columns, _WIDTH):
+    for first_column in range(span[0], span[1], _WIDTH):
         for first_ring in range(0, rings, _HEIGHT):
             _set_tile(poses, beams, rays, first_column, first_ring)
             for beam in range(_LANES):

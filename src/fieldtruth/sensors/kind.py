@@ -57,6 +57,7 @@ class SensorWorld(_Shared):
         baked: the scene with its light, if it was baked.
         seed: root of all randomness; None for the world's.
         reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
+        workers: threads that may work on one reading.
     """
 
     def __init__(
@@ -70,11 +71,12 @@ class SensorWorld(_Shared):
         baked: BakedScene | None = None,
         seed: int | None = None,
         reuse: bool = False,
+        workers: int = 1,
     ) -> None:
         super().__init__()
         self.seed = world.seed if seed is None else seed
         """Root of all randomness."""
-        self.world, self.rig, self.reuse = world, rig, reuse
+        self.world, self.rig, self.reuse, self.workers = world, rig, reuse, workers
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
         if scene is not None:
             self.once("scene", lambda: scene)

@@ -145,11 +145,13 @@ class Driven:
 
 
 def sensor_world_of(
-    experiment: Experiment, world: World, scene: Scene | None = None, *, reuse: bool = False
+    experiment: Experiment, world: World, scene: Scene | None = None, *, reuse: bool = False, workers: int = 1
 ) -> SensorWorld:
     """Return the world, light and weather in which the sensors of an experiment read."""
     made = experiment
-    return SensorWorld(world, made.rig, made.light, made.weather, scene=scene, seed=made.seed, reuse=reuse)
+    return SensorWorld(
+        world, made.rig, made.light, made.weather, scene=scene, seed=made.seed, reuse=reuse, workers=workers
+    )
 
 
 class SimulationState(NamedTuple):
@@ -303,7 +305,7 @@ class Simulation:
             rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
             world = world_of(self._experiment) if self._own_world is None else self._own_world
-            self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene)
+            self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene, workers=cpu_count())
         return self._sensor_world
 
     def prepare(self) -> None:

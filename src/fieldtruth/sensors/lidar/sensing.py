@@ -16,6 +16,7 @@ mean by power, where the peak of a waveform is that has not separated (Wagner an
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,11 +24,13 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.parallel import in_order
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.experiment.light_config import WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder
 from fieldtruth.kernels.lidar import (
+    TILE_COLUMNS,
     TURNS,
     Beams,
     EchoBuffers,
@@ -381,6 +384,9 @@ class IdealLidar:
         returns[[int(label) for label in NO_RETURN]] = False
         self._beams = Beams(ray_directions(config), ring_lag(config), config.min_range, config.max_range, returns)
         self._rays = self._middle = sub_rays_of(LidarSignal())
+        self.workers = 1
+        """Threads that trace a scan together; they change no bit of it."""
+        self._others = list[SubRays]()  # memory of the other threads
         self._surfaces: SurfaceTable | None = None
         self._echoes = echo_buffers(1, config.columns, config.rings)
         self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
@@ -416,11 +422,25 @@ class IdealLidar:
         if moving and len(world_from_lidar) != config.columns + 1:
             raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
-        rays, hits = self.scene.rays.handle, self.scene.hits
-        trace_echoes(rays, hits, self._surfaces, poses, self._beams, self._rays, self._echoes)
+        self._trace_columns(poses)
         if self._robot is not None:
             self._echo_of_robot(self._robot, poses)
         return Traced(poses, moving)
+
+    def _trace_columns(self, poses: Array) -> None:
+        """Fill the buffers of echoes, each thread a span of columns."""
+        scene, hits, columns = self.scene.rays.handle, self.scene.hits, self.config.columns
+        tiles = -(-columns // TILE_COLUMNS)
+        bounds = [min(tiles * k // self.workers * TILE_COLUMNS, columns) for k in range(self.workers + 1)]
+        while len(self._others) < self.workers - 1:
+            self._others.append(sub_rays_of(self.config.signal or LidarSignal()))
+
+        def trace(work: tuple[SubRays, tuple[int, int]]) -> None:
+            trace_echoes(scene, hits, self._surfaces, poses, self._beams, *work, self._echoes)
+
+        works = zip([self._rays, *self._others], pairwise(bounds), strict=False)
+        for _ in in_order(works, trace, self.workers) if self.workers > 1 else map(trace, works):
+            pass
 
     def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
         """Put the robot's echoes instead of those of what it hides; what is too near makes none."""
@@ -444,7 +464,7 @@ class IdealLidar:
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
         before = echo_buffers(1, len(column), 1)
-        trace_echoes(self.scene.rays.handle, self.scene.hits, None, own, beams, self._middle, before)
+        trace_echoes(self.scene.rays.handle, self.scene.hits, None, own, beams, self._middle, (0, len(column)), before)
         world_m = before.depth[0, :, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 

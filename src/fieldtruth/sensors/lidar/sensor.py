@@ -99,6 +99,7 @@ class LidarSensor(Sensor):
         super().__init__(config, sensor_world)
         made = sensor_world
         self._lidar = Lidar(config, made.scene, made.robot_parts, made.weather, seed=made.seed)
+        self._lidar.workers = made.workers
         self._sweep_ns = sweep_times_ns(config)
 
     def truth(self, output: Output, at: At) -> Cloud | Traced:
