@@ -3,11 +3,13 @@
 """Train a policy for Reach with PPO: train_reach.py --out FOLDER.
 
 Install it with: pip install 'fieldtruth[rl,train]' 'stable-baselines3>=2.7'
-The policy sees ``state`` and the heights that the LiDAR has seen so far, and corrects a follower that drives straight
-to the goal. The hardest task grows with its success. A training that was interrupted goes on; FOLDER has policy.zip,
-progress.csv and curve.png. Its score on the fixed benchmark:
+The policy sees ``state`` and the heights that the LiDAR has seen so far. It corrects a reactive follower, which drives
+where the ground is free of steps, as near to the goal's direction as that is (after the vector field histogram of
+Borenstein and Koren 1991). An interrupted training goes on; FOLDER has policy.zip, progress.csv and curve.png. Scores
+on the fixed benchmark, of the policy and of the follower alone:
 
 REACH_POLICY=FOLDER/policy.zip fieldtruth score examples/train_reach.py:Agent
+fieldtruth score examples/train_reach.py:Reactive
 """
 
 import argparse
@@ -25,70 +27,98 @@ import matplotlib as mpl
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecMonitor
 
 import fieldtruth.learning  # noqa: F401 (it registers the environments)
-from fieldtruth.learning.policies import straight_follower
 
 OBSERVATION = ("state", "elevation/seen")
 ENVIRONMENTS = ("park", "forest", "hillside", "boreal", "scrub", "orchard", "wet_meadow", "forest_road")
 SENSORS = {"lidar": {"columns": 90}}  # half of the rays that the score has, for speed; the map fills while it drives
-POOLED = 4  # cells of the elevation map along each side of a feature
 SCALES = np.array([20, 20, 1, 1, 1, 0.3, 0.3, 6, 6, 6, 6, 1], np.float32)  # of state
+STEPS = (0.15, 0.3, 0.6)  # [m] height of a step between neighbouring cells; the reactive follower avoids the second
+NEAREST, FARTHEST, HALF_WIDTH = 0.3, 3.2, 0.45  # [m]
+AHEAD = 2.5  # [m] that should be free
+CELLS = 3.15 - 0.1 * np.arange(64)  # [m] ahead, and to the left, of the rows and columns of the map
+DIRECTIONS = np.radians(np.linspace(-120.0, 120.0, 25))
+ALONG = np.cos(DIRECTIONS)[:, None, None] * CELLS[:, None] + np.sin(DIRECTIONS)[:, None, None] * CELLS
+ACROSS = np.cos(DIRECTIONS)[:, None, None] * CELLS - np.sin(DIRECTIONS)[:, None, None] * CELLS[:, None]
 ROLLOUT = 256  # steps of each process between two updates
-FIRST, STEP, WANTED = 0.5, 0.25, 0.7
-"""Hardest difficulty at first, which grows by STEP when WANTED of the last episodes succeed."""
 
 
-def features(observation: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
-    """Return state, highest seen ground and share of seen cells in each block of 0.4 m, as one vector."""
-    height, known = observation["elevation/seen"]
-    side = height.shape[0] // POOLED
-    blocks = (side, POOLED, side, POOLED)
-    highest = np.where(known > 0, height, -2.0).reshape(blocks).max(axis=(1, 3))
-    share = known.reshape(blocks).mean(axis=(1, 3))
-    highest = np.where(share > 0, highest, 0.0)
-    return np.concatenate([observation["state"] / SCALES, highest.ravel(), share.ravel()], dtype=np.float32)
+def free_ahead(seen: NDArray[Any]) -> NDArray[Any]:
+    """Return how far (3, directions) [m] the robot can drive in each direction before each height of step."""
+    height, known = seen
+    low = minimum_filter(np.where(known > 0, height, np.inf), 3)
+    high = maximum_filter(np.where(known > 0, height, -np.inf), 3)
+    found = []
+    for step in STEPS:
+        blocked = high - low > step
+        along, across = ALONG[:, blocked], np.abs(ACROSS[:, blocked])
+        inside = (across < HALF_WIDTH) & (along > NEAREST)
+        found.append(np.where(inside, along, FARTHEST).min(axis=1, initial=FARTHEST))
+    return np.array(found)
 
 
-def corrected(state: NDArray[Any], correction: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the action of the straight follower with a correction."""
-    return np.asarray(np.clip(straight_follower(state) + correction, -1.0, 1.0), np.float32)
+def reactive(state: NDArray[Any], free: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the action that drives towards the goal where it is free, slower where something is near."""
+    ahead, left = state[:2]
+    goal, wanted = np.arctan2(left, ahead), min(np.hypot(ahead, left), AHEAD)
+    away = np.abs((DIRECTIONS - goal + np.pi) % (2 * np.pi) - np.pi)
+    chosen = int(np.argmin(away + 1.5 * np.maximum(0.0, wanted - free) + 0.3 * np.abs(DIRECTIONS)))
+    angle = DIRECTIONS[chosen]
+    if abs(goal) > DIRECTIONS[-1] or (free[chosen] >= wanted and away[chosen] < np.radians(6.0)):
+        angle = goal
+    speed = 0.8 * max(0.0, 1.0 - abs(angle)) * np.clip(free[len(free) // 2] / 1.5, 0.15, 1.0)
+    return np.array([speed, np.clip(1.2 * angle, -1.0, 1.0)], np.float32)
+
+
+def seen_by(observation: dict[str, NDArray[Any]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the policy's features, and the action of the reactive follower."""
+    free, known = free_ahead(observation["elevation/seen"]), observation["elevation/seen"][1].mean()
+    features = np.concatenate([observation["state"] / SCALES, free.ravel() / FARTHEST, [known]], dtype=np.float32)
+    action = reactive(observation["state"], free[1])
+    return np.append(features, action), action
+
+
+def corrected(action: NDArray[np.float32], correction: NDArray[Any]) -> NDArray[np.float32]:
+    """Return an action with a correction, within the limits."""
+    return np.asarray(np.clip(action + correction, -1.0, 1.0), np.float32)
 
 
 class Corrected(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Reach with ``features`` and corrections of the straight follower; tasks are at most as hard as ``hardest``."""
+    """Reach with the features as observation, and corrections of the reactive follower as actions."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)
-        self.hardest, self._rng = FIRST, np.random.default_rng()
         assert isinstance(env.observation_space, gymnasium.spaces.Dict)
-        size = len(features({name: np.zeros(box.shape) for name, box in env.observation_space.spaces.items()}))  # type: ignore[arg-type]
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        nothing = {name: np.zeros(box.shape or ()) for name, box in env.observation_space.spaces.items()}
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, seen_by(nothing)[0].shape, np.float32)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+    def reset(self, **options: Any) -> Any:
         """Begin an episode."""
-        if seed is not None:
-            self._rng = np.random.default_rng(seed)
-        difficulty = float(self._rng.uniform(0.0, self.hardest))
-        seen, info = self.env.reset(seed=seed, options={"difficulty": difficulty, **(options or {})})
-        self._state = seen["state"]
-        return features(seen), info
+        observation, info = self.env.reset(**options)
+        features, self._action = seen_by(observation)
+        return features, info
 
     def step(self, action: NDArray[Any]) -> Any:
         """Drive for a step of control."""
-        seen, reward, terminated, truncated, info = self.env.step(corrected(self._state, action))
-        self._state = seen["state"]
-        if "metrics" in info:
-            info["is_success"] = info["metrics"]["success"]
-        return features(seen), reward, terminated, truncated, info
+        observation, *others = self.env.step(corrected(self._action, action))
+        features, self._action = seen_by(observation)
+        return features, *others
 
-    def set_hardest(self, value: float) -> None:
-        """Let the tasks of the next episodes be at most so hard."""
-        self.hardest = value
+
+class Reactive:
+    """The reactive follower, as `fieldtruth score` calls it."""
+
+    observation = OBSERVATION
+
+    def __call__(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
+        """Return the action."""
+        return seen_by(observation)[1]
 
 
 class Agent:
@@ -101,8 +131,9 @@ class Agent:
 
     def __call__(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
         """Return the action."""
-        correction, _ = self._model.predict(features(observation), deterministic=True)
-        return corrected(observation["state"], correction)
+        features, action = seen_by(observation)
+        correction, _ = self._model.predict(features, deterministic=True)
+        return corrected(action, correction)
 
 
 @cache
@@ -111,49 +142,62 @@ def _loaded(path: str) -> PPO:
     return PPO.load(path, device="cpu")
 
 
-class Watch(BaseCallback):  # type: ignore[misc, unused-ignore]
-    """Ends the training in time, makes tasks harder, saves policy and progress."""
+class Progress:
+    """Saves the policy, and says how it does in the last 100 episodes."""
 
-    def __init__(self, out: Path, minutes: float, hardest: float, spent_s: float) -> None:
-        super().__init__()
-        self._out, self._minutes, self.hardest = out, minutes, hardest
-        self._began, self._ends = time.monotonic() - spent_s, deque[tuple[float, float, float]](maxlen=200)
+    def __init__(self, out: Path, minutes: float) -> None:
+        self._out, self._state = out, {"spent_s": 0.0, "steps": 0}
+        if (out / "state.json").exists():
+            self._state = json.loads((out / "state.json").read_text())
+        self._began = time.monotonic() - self._state["spent_s"]
+        self._seconds, self._ends = 60.0 * minutes, deque[tuple[float, float, float]](maxlen=100)
 
-    def _on_step(self) -> bool:
-        for info in self.locals["infos"]:
+    @property
+    def share(self) -> float:
+        """Share of the time that is spent."""
+        return (time.monotonic() - self._began) / self._seconds
+
+    def see(self, infos: list[dict[str, Any]]) -> None:
+        """Take note of a step of all environments."""
+        self._state["steps"] += len(infos)
+        for info in infos:
             if metrics := info.get("metrics"):
                 self._ends.append((float(metrics["success"]), metrics["collisions"], metrics["reward"]))
-        return time.monotonic() - self._began < 60 * self._minutes
 
-    def _on_rollout_end(self) -> None:
-        if len(self._ends) < 20:
-            return
-        success, collisions, reward = np.mean(self._ends, axis=0)
-        spent = time.monotonic() - self._began
-        row = [self.num_timesteps, round(spent), self.hardest, success, collisions, reward]
+    def save(self, model: PPO) -> None:
+        """Save, and print a line."""
+        model.save(self._out / "policy.part.zip")
+        (self._out / "policy.part.zip").replace(self._out / "policy.zip")
+        self._state["spent_s"] = time.monotonic() - self._began
+        (self._out / "state.json").write_text(json.dumps(self._state))
+        success, collisions, reward = np.mean(self._ends, axis=0) if self._ends else (np.nan,) * 3
+        row = [self._state["steps"], round(self._state["spent_s"]), success, collisions, reward]
         with (self._out / "progress.csv").open("a", newline="") as file:
             csv.writer(file).writerow([f"{value:.4g}" if isinstance(value, float) else value for value in row])
-        left = max(0.0, 60 * self._minutes - spent)
-        said = f"{self.num_timesteps} steps, success {success:.2f} up to difficulty {self.hardest:.1f}"
-        print(f"{said}, {left:.0f} s left", flush=True)
-        if success >= WANTED and len(self._ends) == self._ends.maxlen and self.hardest < 1.0:
-            self.hardest = min(1.0, self.hardest + STEP)
-            self.training_env.env_method("set_hardest", self.hardest)
-            self._ends.clear()
-        self.model.save(self._out / "policy.part.zip")
-        (self._out / "policy.part.zip").replace(self._out / "policy.zip")
-        (self._out / "state.json").write_text(json.dumps({"hardest": self.hardest, "spent_s": spent}))
+        left = max(0.0, self._seconds - self._state["spent_s"])
+        print(f"{row[0]} steps, success {success:.2f}, reward {reward:.1f}, {left:.0f} s left", flush=True)
+
+
+class _Watch(BaseCallback):  # type: ignore[misc, unused-ignore]
+    """Ends PPO in time."""
+
+    def __init__(self, progress: Progress) -> None:
+        super().__init__()
+        self._progress = progress
+
+    def _on_step(self) -> bool:
+        self._progress.see(self.locals["infos"])
+        return self._progress.share < 1.0
+
+    def _on_rollout_end(self) -> None:
+        self._progress.save(self.model)
 
 
 def _make(rank: int, seed: int) -> Any:
     def make() -> gymnasium.Env[Any, Any]:
         torch.set_num_threads(1)
-        environment = ENVIRONMENTS[rank % len(ENVIRONMENTS)]
-        env = Corrected(
-            gymnasium.make(
-                "fieldtruth/Reach-v0", environment=environment, worlds=2, observation=OBSERVATION, sensors=SENSORS
-            )
-        )
+        own = {"environment": ENVIRONMENTS[rank % len(ENVIRONMENTS)], "worlds": 2, "sensors": SENSORS}
+        env = Corrected(gymnasium.make("fieldtruth/Reach-v0", observation=OBSERVATION, **own))
         env.reset(seed=seed + rank)
         return env
 
@@ -161,16 +205,14 @@ def _make(rank: int, seed: int) -> Any:
 
 
 def draw_curve(out: Path) -> None:
-    """Draw success and difficulty over steps."""
+    """Draw success over steps."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
     rows = np.loadtxt(out / "progress.csv", delimiter=",", ndmin=2)
     figure, axes = plt.subplots(figsize=(7, 4))
-    axes.plot(rows[:, 0], rows[:, 3], label="success in the last 100 episodes")
-    axes.plot(rows[:, 0], rows[:, 2], label="hardest difficulty")
-    axes.set(xlabel="control steps", ylim=(0, 1.02))
-    axes.legend()
+    axes.plot(rows[:, 0], rows[:, 2])
+    axes.set(xlabel="control steps", ylabel="success in the last 100 episodes", ylim=(0, 1.02))
     figure.savefig(out / "curve.png", dpi=120)
     plt.close(figure)
 
@@ -185,23 +227,19 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)  # the network is small
-    state = {"hardest": FIRST, "spent_s": 0.0}
-    if (options.out / "state.json").exists():
-        state = json.loads((options.out / "state.json").read_text())
     makers = [_make(rank, options.seed) for rank in range(options.processes)]
     envs = VecMonitor(SubprocVecEnv(makers, start_method="spawn"))
-    envs.env_method("set_hardest", state["hardest"])
-    saved = options.out / "policy.zip"
+    saved, progress = options.out / "policy.zip", Progress(options.out, options.minutes)
     if saved.exists():
         model = PPO.load(saved, env=envs, device="cpu")
     else:
-        net = {"net_arch": [256, 128], "log_std_init": -1.0}
-        model = PPO("MlpPolicy", envs, n_steps=ROLLOUT, batch_size=256, n_epochs=5, gamma=0.99, ent_coef=0.002,
-                    policy_kwargs=net, seed=options.seed, device="cpu")  # fmt: skip
-        torch.nn.init.zeros_(model.policy.action_net.weight)  # begins as the straight follower
+        net = {"net_arch": [128, 64], "log_std_init": -1.5}
+        model = PPO("MlpPolicy", envs, n_steps=ROLLOUT, batch_size=256, n_epochs=8, gamma=0.99, ent_coef=0.0,
+                    learning_rate=3e-4, policy_kwargs=net, seed=options.seed, device="cpu")  # fmt: skip
+        torch.nn.init.zeros_(model.policy.action_net.weight)  # begins as the reactive follower
     model.set_logger(configure(None, []))
-    watch = Watch(options.out, options.minutes, state["hardest"], state["spent_s"])
-    model.learn(10**9, callback=watch, reset_num_timesteps=not saved.exists())
+    model.learn(10**9, callback=_Watch(progress))
+    progress.save(model)
     envs.close()
     draw_curve(options.out)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sub-command live: an experiment that runs for ROS 2, ROS 1 or Foxglove until Ctrl-C."""
+"""The sub-command live: an experiment that runs for ROS 2, ROS 1, Foxglove or rerun until Ctrl-C."""
 
 import argparse
 import ipaddress
@@ -62,13 +62,13 @@ class _Screen:
 
 
 def _check(options: argparse.Namespace) -> None:
-    if not (options.ros2 or options.ros1 or options.foxglove):
-        raise UsageError("give one of --ros2, --ros1 and --foxglove")
+    if not (options.ros2 or options.ros1 or options.foxglove or options.rerun):
+        raise UsageError("give one of --ros2, --ros1, --foxglove and --rerun")
     if not 0.0 <= options.rate <= _MOST_RATE:  # also false for nan
         raise UsageError(f"--rate must be from 0 to {_MOST_RATE:g}, got {options.rate:g}")
     if options.seconds is not None and not math.isfinite(options.seconds):
         raise UsageError(f"--seconds must be finite, got {options.seconds:g}")
-    if options.port > 65535:
+    if options.port is not None and options.port > 65535:
         raise UsageError(f"--port must be from 1 to 65535, got {options.port}")
     try:
         ipaddress.IPv4Address(options.host)
@@ -85,9 +85,14 @@ def _sink(options: argparse.Namespace, inbox: "Inbox") -> "Sink":
         from fieldtruth.live.ros1 import Ros1Sink
 
         return Ros1Sink(inbox, options.host)
+    port = {} if options.port is None else {"port": options.port}
+    if options.rerun:
+        from fieldtruth.live.rerun import RerunSink
+
+        return RerunSink(options.host, **port)
     from fieldtruth.live.foxglove import FoxgloveSink
 
-    return FoxgloveSink(inbox, options.host, options.port)
+    return FoxgloveSink(inbox, options.host, **port)
 
 
 COMMANDS: Final = {"live": _live}

@@ -53,7 +53,7 @@ def view(path: Path | str, *, save: Path | str | None = None, progress: Progress
     run = open_run(path)
     if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
         raise OutputError("there is no display for the viewer; use --save FILE.rrd to write a recording")
-    rr = _rerun()
+    rr = rerun_library()
     recording = rr.RecordingStream("fieldtruth", recording_id=run.name)
     with ExitStack() as stack:
         if save is None:
@@ -238,7 +238,12 @@ def _blueprint(run: Run) -> Any:
     )
 
 
-def _rerun() -> Any:
+def rerun_library() -> Any:
+    """Import rerun.
+
+    Raises:
+        OutputError: it is not installed.
+    """
     try:
         import rerun
     except ImportError as error:
