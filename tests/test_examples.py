@@ -27,12 +27,13 @@ BASELINES = {
         "frame_arrays",
         "networks",
         "scoring",
+        "train_reach",
         "segmentation",
         "train_clouds",
         "train_images",
     ),
 }
-"""Longer ones, with tests of their own: test_training.py."""
+"""Longer ones; those of networks have tests of their own: test_training.py."""
 SCRIPTS = sorted(path for path in EXAMPLES.glob("*.py") if path.stem not in BASELINES)
 
 
