@@ -196,7 +196,7 @@ class _Watch(BaseCallback):  # type: ignore[misc, unused-ignore]
 def _make(rank: int, seed: int) -> Any:
     def make() -> gymnasium.Env[Any, Any]:
         torch.set_num_threads(1)
-        own = {"environment": ENVIRONMENTS[rank % len(ENVIRONMENTS)], "worlds": 2, "sensors": SENSORS}
+        own: dict[str, Any] = {"environment": ENVIRONMENTS[rank % len(ENVIRONMENTS)], "worlds": 2, "sensors": SENSORS}
         env = Corrected(gymnasium.make("fieldtruth/Reach-v0", observation=OBSERVATION, **own))
         env.reset(seed=seed + rank)
         return env

@@ -99,5 +99,5 @@ def test_threads_change_no_bit_of_a_scan(signal: dict[str, Any] | None) -> None:
     many.workers = 3
     for number in range(2):
         for ours, theirs in zip(one.scan(poses, 0, number), many.scan(poses, 0, number), strict=True):
-            assert len(ours) > 10_000
             np.testing.assert_array_equal(ours, theirs)
+        assert len(one.scan(poses).xyz) > 2_000

@@ -93,7 +93,7 @@ class RerunSink(Sink):
         if message.topic == CLOCK:
             return
         msgtype = self._types[message.topic]
-        content = STORE.deserialize_ros1(message.data, msgtype)
+        content: Any = STORE.deserialize_ros1(message.data, msgtype)
         if message.topic == TF_STATIC:
             self._frames(content)
         elif message.topic == ODOMETRY:
