@@ -36,6 +36,7 @@ PRESCRIBED: Final = {
     "gazebo/ros.py": {"camera_info"},
     "learning/config.py": {"lidar", "camera"},  # arguments
     "learning/senses.py": {"lidar", "camera"},  # names of observations
+    "live/score.py": {"lidar"},  # name of an observation
     "exporters/stereo_depth.py": {"stereo", "StereoSGBM"},  # a folder of the format, and OpenCV's matcher
 }
 """Words by file that a format, a public interface or the name of a kernel prescribes, for sensors of any kind."""

@@ -45,8 +45,8 @@ def test_the_viewer_gets_poses_scans_goal_and_path(tmp_path: Path, monkeypatch: 
         for step in range(4):
             if step:
                 env.step(np.array([0.5, 0.2], np.float32))
-            poses.append(inner._robot.now.world_from_base[:3, 3])
-            scans.append(len(inner._senses.cloud.xyz))
+            poses.append(inner.robot.now.world_from_base[:3, 3])
+            scans.append(len(inner.senses.cloud.xyz))
         assert env.render() is None
     env.close()
     rows = rows_of(file)

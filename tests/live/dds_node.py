@@ -15,7 +15,7 @@ from typing import Any
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32
+from cyclonedds.idl.types import array, float64, int32, int64, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -107,6 +107,38 @@ class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"
 
 
 @dataclass
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Vector3  # a Point has the same fields
+    orientation: Quaternion
+
+
+@dataclass
+class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
+    pose: Pose
+    covariance: array[float64, 36]
+
+
+@dataclass
+class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
+    twist: Twist
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
+    header: Header
+    child_frame_id: str
+    pose: PoseWithCovariance
+    twist: TwistWithCovariance
+
+
+@dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
+    header: Header
+    pose: Pose
+
+
+@dataclass
 class Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
     data: bool
 
@@ -129,7 +161,7 @@ def main() -> None:
     node = DomainParticipant(domain)
     ended = threading.Event()
     threading.Thread(target=wait_for_end, args=[ended], daemon=True).start()
-    {"hear": hear, "drive": drive, "wrong": wrong}[sys.argv[2]](node, ended)
+    {"hear": hear, "drive": drive, "wrong": wrong, "reach": reach}[sys.argv[2]](node, ended)
     del made
 
 
@@ -171,6 +203,32 @@ def wrong(node: Any, ended: threading.Event) -> None:
         if pause.get_matched_subscriptions():
             pause.write(Bool(True))
         time.sleep(0.1)
+
+
+def reach(node: Any, ended: threading.Event) -> None:
+    """Turn to the goal and drive there, as the follower of the package does, and tell each goal and the first cloud."""
+    goals = DataReader(node, Topic(node, "rt/goal_pose", PoseStamped), STATIC)
+    states = DataReader(node, Topic(node, "rt/ground_truth/odom", Odometry), COMMAND)
+    clouds = DataReader(node, Topic(node, "rt/os1_cloud_node/points", PointCloud2), SENSOR)
+    writer = DataWriter(node, Topic(node, "rt/cmd_vel", Twist), COMMAND)
+    goal, heard = None, False
+    while not ended.is_set():
+        for m in goals.take(1):
+            goal = m.pose.position
+            print(json.dumps({"goal": [goal.x, goal.y], "frame": m.header.frame_id}), flush=True)
+        for m in clouds.take(1):
+            if not heard:
+                heard = True
+                row = {"points": m.width, "fields": [field.name for field in m.fields]}
+                print(json.dumps(row), flush=True)
+        for m in states.take(1):
+            if goal is not None:
+                at, q = m.pose.pose.position, m.pose.pose.orientation
+                heading = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+                angle = math.remainder(math.atan2(goal.y - at.y, goal.x - at.x) - heading, 2 * math.pi)
+                turn_rate = 2.0 * min(max(angle, -1.0), 1.0)
+                writer.write(Twist(Vector3(0.8 * max(0.0, 1.0 - abs(angle))), Vector3(z=turn_rate)))
+        time.sleep(0.001)
 
 
 if __name__ == "__main__":

@@ -1,31 +1,64 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sub-commands score, a policy on the fixed benchmark of Reach, and episodes, what one saw and did as data."""
+"""The sub-commands score, of a policy or a node on the fixed benchmark of Reach, and episodes, of one as data."""
 
 import argparse
 import re
+import sys
+from contextlib import closing
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from fieldtruth.cli.arguments import UsageError
+from fieldtruth.cli.live import check_pace_and_host, sink_of
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import show_progress
+
+if TYPE_CHECKING:
+    from fieldtruth.learning.benchmark import Driver
 
 TASKS: Final = ("Reach", "Follow", "Explore")
 """Environments."""
 
 
 def _score(options: argparse.Namespace) -> None:
-    from fieldtruth.learning.benchmark import NAME, list_digest, score, table
-    from fieldtruth.learning.policies import policy_of
+    if not (options.ros2 or options.ros1):
+        from fieldtruth.learning.policies import policy_of
 
-    policy = policy_of(options.policy, options.observation)
+        if options.policy is None:
+            raise UsageError("give POLICY, --ros2 or --ros1")
+        if options.name is not None:
+            raise UsageError("--name is for --ros2 and --ros1: a POLICY has its own")
+        _print_score(policy_of(options.policy, options.observation), options, options.workers)
+        return
+    if options.observation is not None:
+        raise UsageError("--observation is for a POLICY: nodes hear topics")
+    check_pace_and_host(options)
+    from fieldtruth.experiment.rig import Rig
+    from fieldtruth.live.commands import Inbox
+    from fieldtruth.live.score import NodeDriver
+
+    name = " ".join(filter(None, ["ros2" if options.ros2 else "ros1", options.name]))
+    inbox = Inbox(Rig().robot, _say)
+    with closing(sink_of(options, inbox)) as sink:
+        _say(f"{name} at {sink.where}")
+        _print_score(NodeDriver(name, sink, inbox, options.rate, _say), options, workers=0)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)  # standard output has the table
+
+
+def _print_score(policy: "Driver", options: argparse.Namespace, workers: int) -> None:
+    from fieldtruth.learning.benchmark import NAME, list_digest, score, table
+
     out = options.out or Path(f"{NAME}_{re.sub(r'[^A-Za-z0-9]+', '_', policy.name).strip('_')}.jsonl")
     with show_progress() as progress:
         results = score(
             policy,
             out,
             worlds=options.worlds,
-            workers=options.workers,
+            workers=workers,
             overwrite=options.overwrite,
             progress=progress,
         )

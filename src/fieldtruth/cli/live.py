@@ -38,7 +38,7 @@ def _live(options: argparse.Namespace) -> None:
 
     simulation = Simulation(experiment)
     inbox = Inbox(experiment.rig.robot, print_line)
-    with closing(_sink(options, inbox)) as sink:
+    with closing(sink_of(options, inbox)) as sink:
         print_line(f"{experiment.name} at {sink.where}; Ctrl-C ends it")
         with show_progress() as progress, progress.stage("build the world"):
             live = Live(simulation, sink, inbox, options.rate, print_line)
@@ -64,19 +64,25 @@ class _Screen:
 def _check(options: argparse.Namespace) -> None:
     if not (options.ros2 or options.ros1 or options.foxglove or options.rerun):
         raise UsageError("give one of --ros2, --ros1, --foxglove and --rerun")
-    if not 0.0 <= options.rate <= _MOST_RATE:  # also false for nan
-        raise UsageError(f"--rate must be from 0 to {_MOST_RATE:g}, got {options.rate:g}")
+    check_pace_and_host(options)
     if options.seconds is not None and not math.isfinite(options.seconds):
         raise UsageError(f"--seconds must be finite, got {options.seconds:g}")
     if options.port is not None and options.port > 65535:
         raise UsageError(f"--port must be from 1 to 65535, got {options.port}")
+
+
+def check_pace_and_host(options: argparse.Namespace) -> None:
+    """Raise UsageError if --rate or --host has a value that is not allowed."""
+    if not 0.0 <= options.rate <= _MOST_RATE:  # also false for nan
+        raise UsageError(f"--rate must be from 0 to {_MOST_RATE:g}, got {options.rate:g}")
     try:
         ipaddress.IPv4Address(options.host)
     except ValueError:
         raise UsageError(f"--host must be an IPv4 address of this machine, got {options.host!r}") from None
 
 
-def _sink(options: argparse.Namespace, inbox: "Inbox") -> "Sink":
+def sink_of(options: argparse.Namespace, inbox: "Inbox") -> "Sink":
+    """Return what --ros2, --ros1, --foxglove or --rerun says."""
     if options.ros2:
         from fieldtruth.live.ros2 import Ros2Sink
 

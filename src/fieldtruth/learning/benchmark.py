@@ -17,7 +17,7 @@ from importlib import resources
 from itertools import groupby
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.core.files import output_errors, output_path, write_atomically
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.learning.environment import TIME, Reach
-from fieldtruth.learning.policies import Policy, call
+from fieldtruth.learning.policies import Act, call
 
 NAME: Final = "reach_v1"
 _LIST: Final = resources.files("fieldtruth.learning") / f"{NAME}.csv"
@@ -48,6 +48,25 @@ class BenchmarkTask(NamedTuple):
     heading: float  # [rad]
     goal: tuple[float, float]  # [m]
     shortest: float  # [m] of the planner's path
+
+
+class Driver(Protocol):
+    """What drives the tasks, such as a ``Policy``."""
+
+    @property
+    def name(self) -> str:
+        """Name in the results."""
+
+    @property
+    def observation(self) -> str | tuple[str, ...]:
+        """What it observes, as in ``Policy``."""
+
+    @property
+    def digest(self) -> str:
+        """Of its file; empty without one."""
+
+    def begin(self, env: Reach) -> Act:
+        """Return the function from observation to action for the task that has begun in an environment."""
 
 
 def benchmark_tasks() -> list[BenchmarkTask]:
@@ -75,13 +94,12 @@ def list_digest() -> str:
     return hashlib.sha256(_LIST.read_bytes()).hexdigest()[:12]
 
 
-def drive_task(env: Reach, task: BenchmarkTask, policy: Policy) -> Result:
+def drive_task(env: Reach, task: BenchmarkTask, driver: Driver) -> Result:
     """Drive a task in its world; the metrics of the episode, its number and the cause of its end.
 
     Raises:
         ConfigurationError: the world is not that of the list, or the policy fails.
     """
-    act = policy.load()()
     options = {"start": task.start, "goal": task.goal, "heading": task.heading}
     seen, info = env.reset(seed=task.number, options=options)
     if abs(info["shortest_m"] - task.shortest) > _SAME_M:
@@ -89,21 +107,27 @@ def drive_task(env: Reach, task: BenchmarkTask, policy: Policy) -> Result:
             f"task {task.number} of {NAME}: the shortest path in {task.environment} (seed {task.world}) has "
             f"{info['shortest_m']:.2f} m instead of {task.shortest:.2f} m, so this is not the world of the list"
         )
+    act = driver.begin(env)
     while True:
-        seen, _, terminated, truncated, info = env.step(call(policy, act, seen))
+        seen, _, terminated, truncated, info = env.step(call(driver.name, act, seen))
         if terminated or truncated:
             metrics = {name: float(value) for name, value in info["metrics"].items()}
             return {"task": task.number, "cause": info["cause"], **metrics}
 
 
-def _drive_in_world(tasks: Sequence[BenchmarkTask], policy: Policy) -> list[Result]:
+def _driven(tasks: Sequence[BenchmarkTask], driver: Driver) -> Iterator[Result]:
+    """Drive tasks of one world."""
+    env = Reach(tasks[0].environment, worlds=(tasks[0].world,), observation=driver.observation)
+    yield from (drive_task(env, task, driver) for task in tasks)
+
+
+def _drive_in_world(tasks: Sequence[BenchmarkTask], driver: Driver) -> list[Result]:
     """Drive tasks of one world, in a process of its own."""
-    env = Reach(tasks[0].environment, worlds=(tasks[0].world,), observation=policy.observation)
-    return [drive_task(env, task, policy) for task in tasks]
+    return [*_driven(tasks, driver)]
 
 
 def score(
-    policy: Policy,
+    driver: Driver,
     out: Path,
     *,
     worlds: int = 40,
@@ -114,11 +138,11 @@ def score(
     """Drive the tasks of the first ``worlds`` worlds and return their results, in their order.
 
     Args:
-        policy: what drives.
-        out: file with a line of JSON for each task; tasks that it has are not driven again, unless the policy's file
+        driver: what drives.
+        out: file with a line of JSON for each task; tasks that it has are not driven again, unless the driver's file
             has changed, which is an error.
         worlds: number of worlds.
-        workers: number of processes; each has one world in memory.
+        workers: number of processes; each has one world in memory. 0: drive in this process, one task after another.
         overwrite: begin anew.
         progress: receives it.
 
@@ -127,15 +151,15 @@ def score(
         ConfigurationError: as ``drive_task``.
     """
     out = output_path(out, single=True, parents=False, overwrite=True)  # what is there is looked at below
-    seen = policy.observation if isinstance(policy.observation, str) else [*policy.observation]
-    head: Result = {"benchmark": NAME, "digest": list_digest(), "policy": policy.name, "observation": seen}
-    head["file"] = policy.digest
+    seen = driver.observation if isinstance(driver.observation, str) else [*driver.observation]
+    head: Result = {"benchmark": NAME, "digest": list_digest(), "policy": driver.name, "observation": seen}
+    head["file"] = driver.digest
     groups = [[*tasks] for _, tasks in groupby(benchmark_tasks(), lambda task: (task.environment, task.world))][:worlds]
     found = {} if overwrite else _read(out, head)
     left = [rest for tasks in groups if (rest := [task for task in tasks if task.number not in found])]
     total = sum(map(len, left))
     with (progress or Silent()).stage(f"drive {total} tasks", float(total)) as advance:
-        for results in _results(left, policy, workers):
+        for results in _results(left, driver, workers):
             found |= {result["task"]: result for result in results}
             lines = [json.dumps(row) for row in (head, *found.values())]
             with output_errors(out, resumes=True):
@@ -144,15 +168,19 @@ def score(
     return [found[task.number] for tasks in groups for task in tasks]
 
 
-def _results(groups: Sequence[Sequence[BenchmarkTask]], policy: Policy, workers: int) -> Iterator[list[Result]]:
-    """Yield the results of each world as it is done; a process drives one world, whose memory ends with it."""
-    if not groups:
+def _results(groups: Sequence[Sequence[BenchmarkTask]], driver: Driver, workers: int) -> Iterator[list[Result]]:
+    """Yield the results of each world as it is done; a process drives one world, whose memory ends with it.
+
+    Without processes, yield the result of each task.
+    """
+    if not groups or not workers:
+        yield from ([result] for tasks in groups for result in _driven(tasks, driver))
         return
     others = {*active_children()}
     ignore_interrupts = signal.signal, (signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all processes
     with ProcessPoolExecutor(workers, get_context("spawn"), *ignore_interrupts, max_tasks_per_child=1) as pool:
         try:
-            for job in as_completed([pool.submit(_drive_in_world, tasks, policy) for tasks in groups]):
+            for job in as_completed([pool.submit(_drive_in_world, tasks, driver) for tasks in groups]):
                 yield job.result()
         except BrokenProcessPool as error:
             raise OutputError(

@@ -85,7 +85,7 @@ class Drives:
         observations, actions = [seen], list[Any]()
         rewards, ends = list[float](), list[tuple[bool, bool]]()
         while not (ends and any(ends[-1])):
-            actions.append(np.asarray(call(self.policy, act, part_of(seen, self.policy.observation)), np.float32))
+            actions.append(np.asarray(call(self.policy.name, act, part_of(seen, self.policy.observation)), np.float32))
             seen, reward, terminated, truncated, info = env.step(actions[-1])
             observations.append(seen)
             rewards.append(float(reward))

@@ -68,8 +68,9 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self._given, self._experiment = world, self.config.experiment()
         if world is None:
             check_experiment(self._experiment)
-        self._senses = Senses(self.config, rigs_of(self._experiment.rig, self.config.sensors), has_goal=self.has_goal)
-        self.observation_space = self._senses.space
+        self.senses = Senses(self.config, rigs_of(self._experiment.rig, self.config.sensors), has_goal=self.has_goal)
+        """What it observes."""
+        self.observation_space = self.senses.space
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownNameError("render_mode", str(render_mode), self.metadata["render_modes"])
@@ -88,7 +89,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     def _progress(self) -> float:
         """Return what was gained in a step: by default metres of the planner's path."""
-        left = self._current.left(self._robot.now.xy)
+        left = self._current.left(self.robot.now.xy)
         gained = self._left - left if np.isfinite(left) else 0.0
         self._left = left if np.isfinite(left) else self._left
         return gained
@@ -113,7 +114,8 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         return self._task
 
     @property
-    def _robot(self) -> EpisodeRobot:
+    def robot(self) -> EpisodeRobot:
+        """The robot of the episode."""
         assert self._robots is not None
         return self._robots[1]
 
@@ -164,16 +166,16 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         return tasks.changed(task, heading=heading)
 
     def _begin(self, made: TaskWorld, task: Task) -> None:
-        cause = self._robot.put_down(task.start, task.heading)
+        cause = self.robot.put_down(task.start, task.heading)
         if cause:
             raise RouteError(f"the robot cannot stand at x {task.start[0]:.1f} m, y {task.start[1]:.1f} m: {cause}")
-        self._senses.begin(made, self._robot, task)
-        self._left, self._action = task.left(self._robot.now.xy), np.zeros(2)
+        self.senses.begin(made, self.robot, task)
+        self._left, self._action = task.left(self.robot.now.xy), np.zeros(2)
         self._straight = self._to_goal()
         robot = self._experiment.rig.robot
         usual = 20.0 + 4.0 * (task.shortest or 60.0) / robot.max_speed
         self._limit = self.config.time_limit or usual
-        self._metrics = EpisodeMetrics(self._robot.now.xy, task.shortest)
+        self._metrics = EpisodeMetrics(self.robot.now.xy, task.shortest)
 
     def _enter(self, seed: int) -> TaskWorld:
         """Return a world, in which the robot is from now on."""
@@ -203,7 +205,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         Raises:
             ConfigurationError: another number of values, or one that is not finite.
         """
-        happened = self._robot.drive(self._command(action))
+        happened = self.robot.drive(self._command(action))
         progress, before = self._progress(), self._straight
         self._straight = self._to_goal()
         reached = self._reached()
@@ -212,7 +214,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         terms = reward_terms(done, self.config.reward)
         reward = float(sum(terms.values()))
         self._metrics.add(done, reward)
-        seconds = self._robot.seconds
+        seconds = self.robot.seconds
         truncated = not cause and seconds >= self._limit - 1e-9
         info: dict[str, Any] = {"reward": terms, "cause": cause or (TIME if truncated else "")}
         if cause or truncated:
@@ -221,10 +223,10 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     def _observed(self) -> Any:
         """Return the observation, after it was shown."""
-        seen = self._senses.read()
+        seen = self.senses.read()
         if self._viewer is not None:
             named = seen if isinstance(seen, dict) else {self.config.names[0]: seen}
-            self._viewer.show(self._robot.seconds, self._robot.now, self._senses.scan, named)
+            self._viewer.show(self.robot.seconds, self.robot.now, self.senses.scan, named)
         return seen
 
     def _step_of(self, happened: Happened, progress: float, straight: float, cause: str) -> Step:
@@ -234,7 +236,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
             straight=straight,
             change=self._change,
             happened=happened,
-            now=self._robot.now,
+            now=self.robot.now,
             reached=cause == REACHED,
             failed=cause not in ("", REACHED),
         )
@@ -254,11 +256,11 @@ class FieldEnv(gymnasium.Env[Any, Any]):
 
     def _to_goal(self) -> float:
         goal = self._current.goal
-        return 0.0 if goal is None else float(np.linalg.norm(goal - self._robot.now.xy))
+        return 0.0 if goal is None else float(np.linalg.norm(goal - self.robot.now.xy))
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the photograph (270, 480, 3) from behind the robot; the first one bakes the world's light."""
-        return self._senses.rendered() if self.render_mode == "rgb_array" and self._current else None
+        return self.senses.rendered() if self.render_mode == "rgb_array" and self._current else None
 
     def close(self) -> None:
         """End the viewer's recording."""
@@ -290,7 +292,7 @@ class Follow(FieldEnv):
 
     def _own_cause(self) -> str:
         assert self._robots is not None
-        x, y = self._robot.now.xy
+        x, y = self.robot.now.xy
         return OFF_TRAIL if self._robots[0].world.terrain.trail_distance.at(x, y) > _OFF else ""
 
 
@@ -308,7 +310,7 @@ class Explore(FieldEnv):
 
     def _progress(self) -> float:
         seen = mark_seen(
-            self._unseen, self._current.corner, NODE, self._senses.world_from_scanner, self._senses.cloud.xyz
+            self._unseen, self._current.corner, NODE, self.senses.world_from_scanner, self.senses.cloud.xyz
         )
         self._rest -= seen
         return seen * NODE**2

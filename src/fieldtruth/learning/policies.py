@@ -68,6 +68,10 @@ class Policy:
         found = _load(self.name)
         return found if isinstance(found, type) else lambda: found
 
+    def begin(self, env: object) -> Act:
+        """Return the function for an episode that has begun; raises as ``load``."""
+        return self.load()()
+
     @property
     def digest(self) -> str:
         """First twelve digits of the SHA-256 digest of its file; empty if no file is named."""
@@ -87,12 +91,12 @@ def policy_of(name: str, observation: Sequence[str] | None = None) -> Policy:
     return Policy(name, LearningConfig.of({"observation": said}).observation)
 
 
-def call(policy: Policy, act: Act, observation: Any) -> Any:
-    """Return the action of a policy; raises ConfigurationError with its name if it fails."""
+def call(name: str, act: Act, observation: Any) -> Any:
+    """Return the action of the policy of a name; raises ConfigurationError with its name if it fails."""
     try:
         return act(observation)
     except Exception as error:  # it is the user's code
-        raise ConfigurationError(f"policy {policy.name}: {type(error).__name__}: {error}") from error
+        raise ConfigurationError(f"policy {name}: {type(error).__name__}: {error}") from error
 
 
 @cache

@@ -16,7 +16,7 @@ from fieldtruth.core import readings
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.traversability import CELL, obstacle_height
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_config import SensorConfig, Topic
 from fieldtruth.kernels.height_maps import crop_heights, raise_to_points
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.learning.config import OBSERVATIONS, LearningConfig, SensorValues, experiment_of
@@ -25,6 +25,7 @@ from fieldtruth.learning.task_world import TaskWorld
 from fieldtruth.learning.tasks import Task
 from fieldtruth.sensors.kind import At, Sensor, standing
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.world.model import World
 
 _MAP: Final = 64  # cells along each side of an elevation map
 _MAP_LIMIT: Final = 2.0  # [m]
@@ -150,6 +151,26 @@ class Senses:
         self._once, self._number = {}, self._number + 1
         values = {name: self._parts[name]() for name in self.names}
         return values[self.names[0]] if self._single else values
+
+    @property
+    def world(self) -> World:
+        """The world of the episode."""
+        return self._made.world
+
+    @property
+    def rig(self) -> Rig:
+        """The robot with the small sensors."""
+        return self._rigs.observing
+
+    @property
+    def scan_topics(self) -> tuple[Topic, ...]:
+        """Topics of the scan's messages."""
+        return tuple(self._output(self._scan_config).topics)
+
+    def scan_messages(self) -> list[bytes]:
+        """Return the scan after the last step as messages, one for each of ``scan_topics``."""
+        output = self._output(self._scan_config)
+        return [*self._sensor(self._scan_config).messages(output, self._number, self.cloud)]
 
     @property
     def _now(self) -> Now:

@@ -59,6 +59,10 @@ class Sink(ABC):
     def poll(self) -> None:  # noqa: B027 most are called
         """Look for commands that have arrived; called often, also in pauses."""
 
+    def is_commanded(self) -> bool:
+        """Return whether somebody is there who may drive; True where that cannot be known."""
+        return True
+
     @abstractmethod
     def close(self) -> None:
         """End in order."""

@@ -112,6 +112,10 @@ class Ros1Sink(Sink):
         made._buff = message.data
         publisher.publish(made)
 
+    def is_commanded(self) -> bool:
+        """Return whether a node publishes commands."""
+        return any(each.get_num_connections() for each in self._subscribers if each.resolved_name == COMMANDS)
+
     def close(self) -> None:
         """Leave the graph of ROS."""
         self._rospy.signal_shutdown("ended")

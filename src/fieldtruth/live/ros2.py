@@ -249,6 +249,10 @@ class Ros2Sink(Sink):
             if known and each.type_name not in known:
                 self._inbox.refuse_type(topic, each.type_name)
 
+    def is_commanded(self) -> bool:
+        """Return whether a writer of commands is matched."""
+        return any(reader.get_matched_publications() for topic, _, reader in self._readers if topic == COMMANDS)
+
     def close(self) -> None:
         """Leave the domain, now and not when the last reference is gone."""
         self._domain.__del__()
