@@ -205,6 +205,11 @@ def wrong(node: Any, ended: threading.Event) -> None:
         time.sleep(0.1)
 
 
+def is_message(sample: Any) -> bool:
+    """Return whether it is one, and not the end of a publisher."""
+    return isinstance(sample, IdlStruct)
+
+
 def reach(node: Any, ended: threading.Event) -> None:
     """Turn to the goal and drive there, as the follower of the package does, and tell each goal and the first cloud."""
     goals = DataReader(node, Topic(node, "rt/goal_pose", PoseStamped), STATIC)
@@ -213,15 +218,15 @@ def reach(node: Any, ended: threading.Event) -> None:
     writer = DataWriter(node, Topic(node, "rt/cmd_vel", Twist), COMMAND)
     goal, heard = None, False
     while not ended.is_set():
-        for m in goals.take(1):
+        for m in filter(is_message, goals.take(1)):
             goal = m.pose.position
             print(json.dumps({"goal": [goal.x, goal.y], "frame": m.header.frame_id}), flush=True)
-        for m in clouds.take(1):
+        for m in filter(is_message, clouds.take(1)):
             if not heard:
                 heard = True
                 row = {"points": m.width, "fields": [field.name for field in m.fields]}
                 print(json.dumps(row), flush=True)
-        for m in states.take(1):
+        for m in filter(is_message, states.take(1)):
             if goal is not None:
                 at, q = m.pose.pose.position, m.pose.pose.orientation
                 heading = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))

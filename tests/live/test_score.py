@@ -72,7 +72,7 @@ def test_a_node_over_dds_drives_as_the_same_function_does(blocks: Any, monkeypat
 
 
 class Answering(Recorder):
-    """Answers each state with a command, once somebody may drive."""
+    """Has a publisher of commands after it was asked some times."""
 
     def __init__(self, inbox: Inbox, *, waits: int = 0) -> None:
         super().__init__()

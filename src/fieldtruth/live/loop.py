@@ -60,7 +60,7 @@ class Sink(ABC):
         """Look for commands that have arrived; called often, also in pauses."""
 
     def is_commanded(self) -> bool:
-        """Return whether somebody is there who may drive; True where that cannot be known."""
+        """Return whether a publisher of commands is connected; True where that cannot be known."""
         return True
 
     @abstractmethod

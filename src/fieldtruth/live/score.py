@@ -29,7 +29,7 @@ GOAL: Final = "/goal_pose"
 _PATIENCE_S: Final = 2.0
 """Wall clock [s] for which a task waits for a publisher of commands; the first one has no limit."""
 _AGAIN_S: Final = 0.1
-"""Wall clock [s] after which the state is sent again to whoever comes while the task waits."""
+"""Wall clock [s] after which the state is sent again while the task waits, for nodes that come late."""
 
 
 class NodeDriver:
