@@ -26,7 +26,7 @@ def small(tmp_path: Path) -> str:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        ([], "give one of --ros2, --ros1 and --foxglove"),
+        ([], "give one of --ros2, --ros1, --foxglove and --rerun"),
         (["--ros1", "--ros2"], "not allowed with argument"),
         (["--foxglove", "--rate", "-1"], "--rate must be from 0 to 1000, got -1"),
         (["--foxglove", "--rate", "nan"], "--rate must be from 0 to 1000, got nan"),
