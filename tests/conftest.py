@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, Any, Final, cast
 
 import pytest
 from filelock import FileLock
-from kept_worlds import KEPT, Kept
+from kept_worlds import KEPT, SKY_TEXELS, Kept
 from many_sensors import many_rig
 from numpy.random import Generator
 from small_park import in_small_park
 
-from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.light_config import Light
 from fieldtruth.exporters import FORMATS, export
 from fieldtruth.pipeline import generate
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
 # spend most of their processor time waiting for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-_LEAN_NS: Final = 520_000_000
 _LONG: Final = ("test_annotate.py", "test_crowns.py", "test_eight_drives.py")
 """Files that take long although they have many tests: last, one of them would keep one worker while the other waits."""
 Once = Callable[[str, Callable[[Path], object]], Path]
@@ -77,16 +75,16 @@ def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Once:
     return filled
 
 
-def _small_experiment() -> Experiment:
+def _small_experiment(seconds: float = 1.2, width: int = 160) -> Experiment:
     values = load_experiment("park_1").model_dump()
-    values["seconds"] = 1.2
-    values["rig"]["cameras"] = {"width": 320, "height": 184, "depth": True, "instances": True}
+    values["seconds"] = seconds
+    values["rig"]["cameras"] = {"width": width, "height": 23 * width // 40, "depth": True, "instances": True}
     return Experiment.model_validate(values)
 
 
 @pytest.fixture(scope="session")
 def small_run(once: Once, request: pytest.FixtureRequest) -> Path:
-    """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
+    """Folder of 1.2 s of park_1 with depth and instances, images of 160 x 92. Copy what you want to change."""
 
     def fill(folder: Path) -> None:
         request.getfixturevalue("park")
@@ -126,16 +124,15 @@ def winding_track() -> Track:
 
 
 @pytest.fixture(scope="session")
-def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the first 0.52 s of the small run, as a run of its own. Copy what you want to change."""
+def lean_run(once: Once, request: pytest.FixtureRequest) -> Path:
+    """Folder of 0.52 s with images of 320 x 184, which LiDARs are compared to. Copy what you want to change."""
 
-    from changed_bags import rewritten
+    def fill(folder: Path) -> None:
+        request.getfixturevalue("park")
+        with _worlds_of(KEPT):
+            generate(_small_experiment(0.52, 320), folder)
 
-    def change(raw: RawMessage, k: int) -> RawMessage | None:
-        return raw if raw.stamp_ns <= _LEAN_NS else None
-
-    shorter = with_overrides(load_experiment(small_run / "experiment.yaml"), seconds=_LEAN_NS / 1e9)
-    return rewritten(small_run, tmp_path_factory.mktemp("lean_run"), change, shorter)
+    return once("lean_run", fill) / "park_1"
 
 
 @pytest.fixture(scope="session")
@@ -276,6 +273,7 @@ def exported(small_run: Path, once: Once) -> Callable[[str], Path]:
     return export_once
 
 
+_SIDE: Final = 64.0  # [m], of small worlds
 _DAYS: Final = dict[Any, Daylight]()
 _HEAPS: Final = dict[Any, Any]()
 
@@ -320,7 +318,7 @@ def untextured() -> Iterator[None]:
 def small_sky() -> Iterator[None]:
     """Skies of 512 x 512 texels in small worlds, each made once: one of the full size takes seconds.
 
-    Skies that differ in sun or size alone have the same heaps of clouds, which are made once as well.
+    Small worlds of any size have the same, and skies that differ in the sun alone have the same heaps of clouds.
     """
     make = daylight.cumulus_map
 
@@ -334,13 +332,14 @@ def small_sky() -> Iterator[None]:
     def day_of(
         light: Light, size: tuple[float, float], rng: Generator, pool: ThreadPoolExecutor, texels: int
     ) -> Daylight:
+        size = (_SIDE, _SIDE) if max(size) <= _SIDE else size
         key = light, size, str(rng.bit_generator.state), texels
         if key not in _DAYS:
             _DAYS[key] = daylight.metered_daylight(light, size, rng, pool, texels)
         return _DAYS[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(daylight, "DOME_TEXELS", 512)
+        patch.setattr(daylight, "DOME_TEXELS", SKY_TEXELS)
         patch.setattr(daylight, "cumulus_map", heaps)
         patch.setattr("fieldtruth.render.light.metered_daylight", day_of)
         yield

@@ -3,10 +3,12 @@
 """Worlds, scenes, light and second tracers that tests of one process share."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final, TypeVar, cast
 
 import pytest
 
+from fieldtruth.core.cache import cache_folder
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.render import daylight
@@ -17,9 +19,8 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import World
 
-_FULL: Final = daylight.DOME_TEXELS
-_SMALL: Final = 512
-"""Texels of the sky over a small world: one of the full size takes seconds."""
+SKY_TEXELS: Final = 512
+"""Texels of the sky: one of the full size takes seconds."""
 _T = TypeVar("_T")
 
 
@@ -49,12 +50,15 @@ class Kept:
         *,
         workers: int | None = None,
     ) -> BakedScene:
-        """The light of a scene, for any workers; built-in worlds alone have skies of the full size."""
-        texels = _FULL if scene.world.size == BUILT_IN else _SMALL
+        """The light of a scene, for any workers; that of a built-in world is coarse, in a cache of its own."""
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(daylight, "DOME_TEXELS", texels)
-            key = id(scene), light or LightConfig(), weather or WeatherConfig(), texels
-            return self._once(key, bake, scene, light, weather)
+            patch.setattr(daylight, "DOME_TEXELS", SKY_TEXELS)
+            key, made = (id(scene), light or LightConfig(), weather or WeatherConfig()), bake
+            if scene.world.size == BUILT_IN:
+                patch.setattr("fieldtruth.render.light.AIR_TEXEL", 3.0)
+                patch.setattr("fieldtruth.render.light.sphere", lambda count, turn: daylight.sphere(count // 4, turn))
+                made = partial(bake, folder=cache_folder() / "coarse")
+            return self._once(key, made, scene, light, weather)
 
     def _once(self, key: Any, make: Callable[..., _T], *given: Any) -> _T:
         if key not in self._made:

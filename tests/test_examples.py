@@ -163,8 +163,8 @@ def test_train_loader_shows_a_batch_and_its_loss(small_run: Path, run_example: R
     pytest.importorskip("torch")
     lines = run_example("train_loader.py", small_run)
     assert lines[0] == "6 frames"
-    assert "image (4, 3, 184, 320) torch.uint8" in lines
-    assert "mask (4, 184, 320) torch.int64" in lines
+    assert "image (4, 3, 92, 160) torch.uint8" in lines
+    assert "mask (4, 92, 160) torch.int64" in lines
     assert re.fullmatch(r"loss [1-9]\.\d{3}", lines[-1])
 
 

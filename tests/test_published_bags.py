@@ -100,7 +100,7 @@ def test_validate_skips_what_needs_missing_topics_and_says_why(kind: str, bags: 
     assert texts["counts"].startswith("12 topics")
     assert texts["frames"] == "neither /tf_static nor /tf"
     assert "120 of 194 mismatch" in texts["stamps"]  # headers of images
-    assert texts["tag colours"] == f"{60 * 184 * 320:,} pixels"
+    assert texts["tag colours"] == f"{60 * 92 * 160:,} pixels"
     assert texts["wheels"].startswith("12 readings of four wheels")
 
 
@@ -180,7 +180,7 @@ def test_topics_have_our_names_or_their_own(bags: dict[str, Path]) -> None:
     for topic in (paper_topics.tag("left"), "/stereo/camera/left/tag/image_raw"):
         first = next(iter(ft.read_bag(bags["files"], [topic])))
         assert first.topic == topic
-        assert image(first.message).shape == (184, 320, 3)
+        assert image(first.message).shape == (92, 160, 3)
 
 
 def test_a_name_that_the_bag_uses_for_another_topic_stays(small_run: Path, tmp_path: Path) -> None:

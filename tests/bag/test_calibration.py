@@ -50,7 +50,7 @@ def test_static_frames_are_chained_to_base_link() -> None:
 def test_calibration_of_a_run_matches_the_paper(small_run: Path) -> None:
     run = open_run(small_run)
     calibration = run.calibration
-    assert calibration.lens("stereo/left")[1:3] == (320, 184)
+    assert calibration.lens("stereo/left")[1:3] == (160, 92)
     assert np.allclose(calibration.base_from("lidar")[:3], np.c_[np.eye(3), [0.09, 0.0, 0.826]])
     axes = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]  # right, down, forward
     for side, y in (("left", 0.06), ("right", -0.06)):

@@ -81,7 +81,7 @@ def test_readings_are_the_messages_as_arrays(small_run: Path) -> None:
     assert np.array_equal(image.photo, np.asarray(Picture.open(io.BytesIO(photo.data.tobytes()))))
     assert image.flow is None
     assert image.depth is not None
-    assert image.depth.shape == (184, 320)
+    assert image.depth.shape == (92, 160)
     series = imu[:]
     assert isinstance(series, Inertial)
     rates = [(m.x, m.y, m.z) for m in (r.message.angular_velocity for r in read_bag(run.bag, [IMU]))]
@@ -145,7 +145,7 @@ def test_what_is_assumed_is_said_once(small_run: Path, tmp_path: Path) -> None:
     (text,) = [str(each.message) for each in said]
     assert "there is no experiment.yaml of this bag" in text
     lidar, stereo = run.sensors["lidar"].config, run.sensors["stereo/left"].config
-    assert (lidar.columns, lidar.rings, stereo.width, stereo.height) == (512, 64, 320, 184)
+    assert (lidar.columns, lidar.rings, stereo.width, stereo.height) == (512, 64, 160, 92)
     assert (lidar.rate_hz, stereo.rate_hz) == (5.0, 25.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -98,8 +98,8 @@ def test_every_item_of_every_frame_equals_the_bag_as_rosbags_reads_it(
         assert np.array_equal(sample["image"], np.moveaxis(photo, 2, 0))
         tag = truth[f"{prefix}/tag/img_raw"][stamp].data.reshape(-1, 3)
         assert sample["mask"].ravel().tolist() == [label_of[tuple(pixel)] for pixel in tag.tolist()]
-        depth = np.frombuffer(truth[f"{prefix}/depth"][stamp].data.tobytes(), "<f4").reshape(184, 320)
-        ids = np.frombuffer(truth[f"{prefix}/instances"][stamp].data.tobytes(), "<u2").reshape(184, 320)
+        depth = np.frombuffer(truth[f"{prefix}/depth"][stamp].data.tobytes(), "<f4").reshape(92, 160)
+        ids = np.frombuffer(truth[f"{prefix}/instances"][stamp].data.tobytes(), "<u2").reshape(92, 160)
         assert np.array_equal(sample["depth"], depth)
         assert np.array_equal(sample["instance_mask"], ids)
         points = cloud_fields(truth[POINTS][stamp])
@@ -128,7 +128,7 @@ def test_every_item_of_every_frame_equals_the_bag_as_rosbags_reads_it(
 def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
     sample = RunDataset(small_run, ALL)[0]
     assert sample.keys() == get_type_hints(Sample).keys() - {"normals", "flow"}
-    wide, points = (184, 320), len(sample["cloud"])
+    wide, points = (92, 160), len(sample["cloud"])
     kinds = {
         "image": ("u1", (3, *wide)),
         "mask": ("i8", wide),
@@ -151,11 +151,11 @@ def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
 
 
 @pytest.mark.parametrize("camera", ["left", "right"])
-def test_the_cloud_falls_on_pixels_of_the_same_class_and_object(small_run: Path, camera: Any) -> None:
+def test_the_cloud_falls_on_pixels_of_the_same_class_and_object(lean_run: Path, camera: Any) -> None:
     asked = ("mask", "depth", "instance_mask", "cloud", "labels", "instances", "pose", "calibration")
     seen = right = same_object = 0
     errors = []
-    for sample in RunDataset(small_run, asked, camera=camera):
+    for sample in RunDataset(lean_run, asked, camera=camera):
         camera_from_lidar = np.linalg.inv(sample["world_from_camera"]) @ sample["world_from_lidar"]
         points = sample["cloud"] @ camera_from_lidar[:3, :3].T + camera_from_lidar[:3, 3]
         near = points[:, 2] > 0.2
@@ -173,7 +173,7 @@ def test_the_cloud_falls_on_pixels_of_the_same_class_and_object(small_run: Path,
         right += (mask[4] == label)[calm].sum()
         same_object += (ids == instance).any(0)[calm].sum()
         errors.append(np.abs(depth[4] / z - 1.0)[calm])
-    assert seen > 10_000
+    assert seen > 4_000
     assert right > 0.992 * seen  # a twig, or a blade on the lawn, between two pixels' centres can still be hit
     assert same_object > 0.992 * seen
     assert np.median(np.concatenate(errors)) < 0.005

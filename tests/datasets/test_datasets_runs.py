@@ -214,7 +214,7 @@ def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
     frames = list(RunDataset(small_run, [name for name in (*ITEMS, *GEOMETRY) if name not in ("normals", "flow")]))[:3]
     batch = collate(frames)
     same(batch, frames)
-    assert batch["image"].shape == (3, 3, 184, 320)
+    assert batch["image"].shape == (3, 3, 92, 160)
     assert (batch["mask"].dtype, batch["image"].dtype, batch["cloud"][0].dtype) == (
         torch.int64,
         torch.uint8,

@@ -4,6 +4,7 @@
 
 import shutil
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +37,7 @@ class Truth(NamedTuple):
         return sum((np.bincount(p.label.ravel(), minlength=18) for p in self.pictures.values()), np.zeros(18, np.int64))
 
 
+@cache
 def read_truth(bag: Path) -> Truth:
     parts: dict[tuple[int, str], dict[str, Any]] = defaultdict(dict)
     clouds, positions = {}, {}

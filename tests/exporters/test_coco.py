@@ -205,7 +205,7 @@ def test_photographs_have_the_bytes_of_the_bag(made: Path, bag: Bag) -> None:
     assert files.keys() == bag.pictures.keys()
     assert all(path.read_bytes() == bag.pictures[name].jpeg for name, path in files.items())
     sizes = {(image["width"], image["height"]) for image in coco(made / "instances.json").imgs.values()}
-    assert sizes == {Image.open(path).size for path in files.values()} == {(320, 184)}
+    assert sizes == {Image.open(path).size for path in files.values()} == {(160, 92)}
     assert sorted(p.name for p in made.iterdir()) == ["images", "instances.json", "panoptic", "panoptic.json"]
 
 

@@ -82,7 +82,7 @@ def bad_class(data: bytes) -> bytes:
 @pytest.mark.parametrize(
     ("topic", "change", "words"),
     [
-        (camera("right", "tag/img_raw"), bad_colour, "at 40000000 ns: tag image: pixel in row 183, column 319"),
+        (camera("right", "tag/img_raw"), bad_colour, "at 40000000 ns: tag image: pixel in row 91, column 159"),
         (camera("left", "tag/img_raw"), cut_short, "the message of .*/left/tag/img_raw at 40000000 ns is damaged"),
         (
             camera("left", "real/compressed"),

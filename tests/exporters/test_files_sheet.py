@@ -81,7 +81,7 @@ def test_counts_are_exact_and_shares_are_counts_over_their_sum(book: Any, small_
         total = sum(expected[heading].values())
         assert [share for _, share in rows.values()] == pytest.approx([n / total for n, _ in rows.values()], rel=1e-15)
         assert sum(share for _, share in rows.values()) == pytest.approx(1.0, abs=1e-12)
-    assert sum(expected["pixels, left camera"].values()) == 30 * 320 * 184
+    assert sum(expected["pixels, left camera"].values()) == 30 * 160 * 92
 
 
 def test_last_row_is_the_total(book: Any) -> None:

@@ -155,7 +155,7 @@ def test_calibration_yaml_matches_the_bag(made: Path, bag: Path) -> None:
     found = yaml.safe_load((made / "calibration.yaml").read_text())
     for side in SIDES:
         info, stated = messages(bag, camera(side, "camera_info"))[0][1], found["cameras"][side]
-        assert (stated["width"], stated["height"]) == (info.width, info.height) == (320, 184)
+        assert (stated["width"], stated["height"]) == (info.width, info.height) == (160, 92)
         for name, shape in (("K", (3, 3)), ("R", (3, 3)), ("P", (3, 4)), ("D", (5,))):
             assert np.reshape(getattr(info, name), shape).tolist() == stated[name]
         assert stated["frame"] == f"{side}_camera_optical"

@@ -35,7 +35,7 @@ PHOTOS = {side: f"/stereo/camera/{side}/real/compressed" for side in ("left", "r
 INFOS = tuple(f"/stereo/camera/{side}/camera_info" for side in ("left", "right"))
 STAMPS = [k * 200_000_000 for k in range(1, 7)]
 """Stamps [ns] common to 10 Hz and 25 Hz within 1.2 s."""
-WIDTH, HEIGHT = 320, 184
+WIDTH, HEIGHT = 160, 92
 BASE_FROM_CAM0 = np.array([[0, 0, 1, 0.15], [-1, 0, 0, 0.06], [0, -1, 0, 0.72], [0, 0, 0, 1.0]])
 """The paper's Table 2, and REP-103: x right, y down, z forward."""
 IN_BAG = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")]

@@ -211,6 +211,7 @@ def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: P
     assert alone.read_bytes() == made.read_bytes()
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_duration(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros1: list[Row]
 ) -> None:

@@ -76,7 +76,7 @@ def test_png_photographs_are_copied(to: str, stored: Path, photographs: dict[int
         assert "photograph, PNG, byte for byte" in (out / "README.md").read_text("utf-8")
     assert found == photographs
     first = Image.open(io.BytesIO(next(iter(found.values()))))
-    assert (first.format, np.asarray(first).shape) == ("PNG", (184, 320, 3))
+    assert (first.format, np.asarray(first).shape) == ("PNG", (92, 160, 3))
 
 
 def test_readme_of_slam_configs_names_the_format(stored: Path, tmp_path: Path) -> None:

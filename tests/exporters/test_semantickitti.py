@@ -133,9 +133,15 @@ def test_static_objects_align_in_the_world(made: Path) -> None:
     assert moved < 0.5 * unmoved < 0.5 * backwards
 
 
+@pytest.fixture(scope="module")
+def fine(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Export of a run whose images are as fine as the rings of its LiDAR."""
+    return export(lean_run, "semantickitti", out=tmp_path_factory.mktemp("fine") / "out")
+
+
 @pytest.mark.parametrize(("camera", "side"), [("P0", "left"), ("P1", "right"), ("P2", "left"), ("P3", "right")])
-def test_clouds_project_onto_their_classes_in_the_images(made: Path, bag: Path, camera: str, side: str) -> None:
-    folder, calib = made / "sequences/00", read_calib(made / "sequences/00")
+def test_clouds_project_onto_their_classes_in_the_images(fine: Path, lean_run: Path, camera: str, side: str) -> None:
+    folder, calib, bag = fine / "sequences/00", read_calib(fine / "sequences/00"), lean_run / "park_1.bag"
     images = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.tag(side)])}
     depths = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.depth(side)])}
     right, wrong, projected_count = 0, 0, 0
@@ -157,7 +163,7 @@ def test_clouds_project_onto_their_classes_in_the_images(made: Path, bag: Path, 
         right += int((seen[v, u] == own)[judged].sum())
         wrong += int((seen[v, u] != own)[judged].sum())
         projected_count += len(u)
-    assert right > 0.45 * projected_count > 5000
+    assert right > 0.45 * projected_count > 4000
     assert wrong < 0.001 * right  # twigs and blades thinner than a pixel
 
 
@@ -208,7 +214,7 @@ def test_images_are_photographs_with_the_stamp_of_a_cloud(made: Path, bag: Path,
         for number in numbers:
             written = np.asarray(Image.open(made / "sequences/00" / name / f"{number:06d}.png"), int)
             true = np.asarray(Image.open(BytesIO(bytes(jpeg[stamps[number]]))), int)
-            assert written.shape == true.shape == (184, 320, 3)
+            assert written.shape == true.shape == (92, 160, 3)
             assert np.abs(written - true).mean() < 1.0  # two decoders of the same JPEG
 
 

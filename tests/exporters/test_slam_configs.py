@@ -119,7 +119,7 @@ def test_open_vins_has_the_cameras_in_the_frame_of_the_imu(folder: Path, small_r
         aside = moved(list_of(camera.getNode("T_imu_cam")), (2.0, 0.0, 10.0))
         assert aside == pytest.approx([0.571, right + 2.0, 9.96], abs=1e-12)
         assert list_of(camera.getNode("intrinsics")) == [info.K[0], info.K[4], info.K[2], info.K[5]]
-        assert list_of(camera.getNode("resolution")) == [320, 184]
+        assert list_of(camera.getNode("resolution")) == [160, 92]
         assert list_of(camera.getNode("distortion_coeffs")) == [0.0] * 4
         assert camera.getNode("rostopic").string() == f"/stereo/camera/{side}/real"
     assert list_of(chain.getNode("cam0").getNode("cam_overlaps")) == [1]
@@ -159,7 +159,7 @@ def test_orb_slam3_rectifies_to_the_baseline(folder: Path) -> None:
     right_from_left = np.linalg.inv(settings.getNode("Stereo.T_c1_c2").mat().astype(np.float64))
     none = np.zeros(5)
     *_, projection, _, _, _ = cv2.stereoRectify(
-        matrices[0], none, matrices[1], none, (320, 184), right_from_left[:3, :3], right_from_left[:3, 3:]
+        matrices[0], none, matrices[1], none, (160, 92), right_from_left[:3, :3], right_from_left[:3, 3:]
     )
     assert projection[0, 3] / projection[0, 0] == pytest.approx(-0.12, abs=1e-6)
 

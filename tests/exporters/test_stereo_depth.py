@@ -15,7 +15,7 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
 from fieldtruth.exporters.stereo_depth import EDGES, disparity, errors_csv, errors_of
 
-WIDTH, HEIGHT = 320, 184
+WIDTH, HEIGHT = 160, 92
 
 
 @pytest.fixture(scope="module")

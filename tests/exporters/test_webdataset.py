@@ -46,7 +46,7 @@ def truth(brief_run: Path) -> Truth:
 
 @pytest.fixture(scope="module")
 def folder(brief_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(brief_run, "webdataset", out=tmp_path_factory.mktemp("published") / "wds", shard_mb=2)
+    return export(brief_run, "webdataset", out=tmp_path_factory.mktemp("published") / "wds", shard_mb=1)
 
 
 def test_every_frame_is_a_sample_with_the_images_of_the_bag(folder: Path, truth: Truth) -> None:
@@ -110,7 +110,7 @@ def test_shards_are_small_plain_tar_files_and_their_list_is_true(folder: Path, t
     assert [shard["url"] for shard in described["shards"]] == [path.name for path in paths]
     for shard, path in zip(described["shards"], paths, strict=True):
         assert (shard["bytes"], shard["sha256"]) == (path.stat().st_size, sha256_of(path))
-        assert path.stat().st_size <= 2_000_000
+        assert path.stat().st_size <= 1_000_000
         assert path.read_bytes()[257:263] == b"ustar\0"  # POSIX.1-1988, without extensions
         with tarfile.open(path) as tar:
             members = tar.getmembers()

@@ -175,8 +175,8 @@ def test_kitti_object_files_as_the_devkit_reads_them(brief_run: Path, scans: Sca
             assert 0.0 <= truncated < 1.0
             assert 0.0 < float(share) <= 1.0
             assert occluded == (0 if float(share) >= 0.8 else 1 if float(share) >= 0.4 else 2)
-            assert -0.51 <= left < right <= 319.51
-            assert -0.51 <= top < bottom <= 183.51
+            assert -0.51 <= left < right <= 159.51
+            assert -0.51 <= top < bottom <= 91.51
             assert np.sin((alpha - ry + np.arctan2(x, z)) / 2.0) == pytest.approx(0.0, abs=1e-3)
             turn = np.array([[np.cos(ry), 0, np.sin(ry)], [0, 1, 0], [-np.sin(ry), 0, np.cos(ry)]])
             own = (camera[ids == int(number)] - [x, y, z]) @ turn

@@ -36,7 +36,7 @@ def test_key_figures(page: Page, messages: Messages) -> None:
         "mean speed": f"{length / 1.199:.2f} m/s",
         "stereo pairs": "30",
         "LiDAR scans": "12",
-        "labelled pixels": f"{2 * 30 * 320 * 184:,}",
+        "labelled pixels": f"{2 * 30 * 160 * 92:,}",
         "labelled points": f"{sum(cloud.width for _, cloud in messages[POINTS]):,}",
     }
     assert {key: found[key] for key in expected} == expected
@@ -117,15 +117,15 @@ def test_topic_table_has_counts_and_rates(page: Page, small_run: Path) -> None:
 
 
 def test_calibration_matches_closed_form(page: Page) -> None:
-    fx, fy = 160 / np.tan(np.radians(34.5)), 92 / np.tan(np.radians(21.0))
+    fx, fy = 80 / np.tan(np.radians(34.5)), 46 / np.tan(np.radians(21.0))
     left, right = page.root.findall(".//div[@class='camera']")
     for camera, tx in ((left, 0.0), (right, -0.12 * fx)):
         k, p = camera.findall(".//table")
-        expected = [[fx, 0, 159.5, 0], [0, fy, 91.5, 0], [0, 0, 1, 0]]
+        expected = [[fx, 0, 79.5, 0], [0, fy, 45.5, 0], [0, 0, 1, 0]]
         assert numbers(k) == pytest.approx(np.array(expected)[:, :3], abs=5e-5)
         expected[0][3] = tx
         assert numbers(p) == pytest.approx(np.array(expected), abs=5e-5)
-        assert "320 x 184" in words(camera)
+        assert "160 x 92" in words(camera)
         assert "69.00° x 42.00°" in words(camera)
     assert "Baseline, from P of the right camera: 0.1200 m." in page.words(".//section[@id='calibration']/p[1]")
 
@@ -173,7 +173,7 @@ def test_images_are_copies_from_the_bag(page: Page, messages: Messages) -> None:
     pngs = [np.asarray(Image.open(BytesIO(base64.b64decode(p))).convert("RGB")) for p in page.images("image/png")]
     assert len(pngs) == 12
     for stamp, png in zip(stamps, pngs[::2], strict=True):
-        assert (png == tags[stamp].data.reshape(184, 320, 3)).all()
+        assert (png == tags[stamp].data.reshape(92, 160, 3)).all()
 
 
 def test_curve_values_are_readings_from_the_bag(page: Page, messages: Messages) -> None:

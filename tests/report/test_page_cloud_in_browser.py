@@ -68,6 +68,7 @@ def test_keys_orbit_zoom_and_reset_the_cloud(tab: Tab) -> None:
     assert (tab.canvas() == first).all()
 
 
+@pytest.mark.slow
 def test_classes_can_be_hidden(tab: Tab) -> None:
     first = tab.canvas()
     assert of_ground(first) > 0.05 * first.shape[0] * first.shape[1]

@@ -46,6 +46,7 @@ def test_labels_toggle_with_mouse_and_keyboard(plain: Tab) -> None:
     assert differing(plain.picture(".pair.A .view"), both) == 0.0
 
 
+@pytest.mark.slow
 def test_slider_blends_photograph_and_tag_image(plain: Tab) -> None:
     plain.page.locator("#tags-opacity").focus()
     plain.page.keyboard.press("End")
@@ -63,6 +64,7 @@ def test_slider_blends_photograph_and_tag_image(plain: Tab) -> None:
     assert 0.0 < differing(quarter, full) <= 1.0
 
 
+@pytest.mark.slow
 def test_pair_is_selected_by_thumbnail_or_arrow_keys(plain: Tab, page: Page) -> None:
     def shown() -> list[bool]:
         return [pair.is_visible() for pair in plain.page.locator(".pair").all()]
@@ -70,28 +72,30 @@ def test_pair_is_selected_by_thumbnail_or_arrow_keys(plain: Tab, page: Page) -> 
     assert shown() == [True] + 5 * [False]
     plain.page.locator("label[for=pair-D]").click()
     assert shown() == [False, False, False, True, False, False]
-    assert plain.page.locator(".pair.D img").evaluate_all("all => all.map(e => e.naturalWidth)") == [320] * 4
+    assert plain.page.locator(".pair.D img").evaluate_all("all => all.map(e => e.naturalWidth)") == [160] * 4
     milliseconds = int(plain.page.locator("#pair-D").get_attribute("data-ms"))
     assert plain.words("#time-value") == f"{milliseconds / 1000:.2f} s"
     plain.page.keyboard.press("ArrowRight")
     assert shown() == [False, False, False, False, True, False]
 
 
+@pytest.mark.slow
 def test_class_under_the_pointer_is_named(plain: Tab, page: Page) -> None:
     tag = pixels(base64.b64decode(page.images("image/png")[0]))
     names = {row.rgb: row.name for row in CLASSES}
     plain.page.locator(".pair.A .view").first.scroll_into_view_if_needed()
     box = plain.page.locator(".pair.A .view").first.bounding_box()
     seen = set()
-    for row, column in [(20, 160), (170, 160), (95, 20), (150, 40), (60, 250), (110, 300)]:
-        x = box["x"] + (column + 0.5) / 320 * box["width"]
-        y = box["y"] + (row + 0.5) / 184 * box["height"]
+    for row, column in [(10, 80), (85, 80), (47, 10), (75, 20), (30, 125), (55, 150)]:
+        x = box["x"] + (column + 0.5) / 160 * box["width"]
+        y = box["y"] + (row + 0.5) / 92 * box["height"]
         plain.page.mouse.move(x, y)
         assert plain.words("#under") == names[tuple(tag[row, column])]
         seen.add(plain.words("#under"))
     assert len(seen) > 2
 
 
+@pytest.mark.slow
 def test_pointing_at_a_curve_shows_values_of_all_curves_and_moves_the_robot(plain: Tab, page: Page) -> None:
     numbers = page.data("numbers")
     robot = plain.page.locator("#robot").bounding_box()
@@ -124,6 +128,7 @@ def test_time_slider_follows_keys(plain: Tab, page: Page) -> None:
     assert plain.words(".curve[data-key=speed] .reading") == str(last)
 
 
+@pytest.mark.slow
 def test_curve_and_tick_labels_are_aligned(plain: Tab) -> None:
     """Tick labels are HTML and the curve is SVG: both must be stretched alike."""
     box = plain.page.locator(".curve[data-key=speed] .plot").bounding_box()
@@ -201,6 +206,7 @@ def test_page_works_without_scripts(browser: Any, page: Page) -> None:
     assert tab.requests == [page.path.as_uri()]
 
 
+@pytest.mark.slow
 def test_print_shows_all_pairs_and_no_controls(tab: Tab) -> None:
     tab.page.emulate_media(media="print")
     assert all(pair.is_visible() for pair in tab.page.locator(".pair").all())

@@ -59,6 +59,7 @@ def messages(run: Path, topic: str) -> dict[int, Any]:
     return {r.stamp_ns: r.message for r in read.read_bag(run / "park_1.bag", [topic])}
 
 
+@pytest.mark.slow
 def test_rerun_verifies_the_file(file: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(file)], capture_output=True, text=True, check=True
@@ -117,8 +118,8 @@ def test_pinhole_uses_pixel_corners(small_run: Path, rows: dict[str, list[dict[s
     true = info.K.reshape(3, 3)
     assert matrix[0, 0] == pytest.approx(true[0, 0], rel=1e-6)
     assert matrix[1, 1] == pytest.approx(true[1, 1], rel=1e-6)
-    assert matrix[:2, 2] == pytest.approx([320 / 2, 184 / 2])  # the middle, measured from the corner
-    assert values(row, "Pinhole:resolution")[0].tolist() == [320, 184]
+    assert matrix[:2, 2] == pytest.approx([160 / 2, 92 / 2])  # the middle, measured from the corner
+    assert values(row, "Pinhole:resolution")[0].tolist() == [160, 92]
 
 
 def test_annotation_context_matches_the_class_table(rows: dict[str, list[dict[str, Any]]]) -> None:

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from kept_worlds import KEPT
 from numpy.typing import NDArray
 
 from fieldtruth.core import transforms
@@ -197,8 +198,7 @@ def test_embree_and_the_second_tracer_agree_in_a_built_world(park: SensorWorld, 
     readings = readings_of(park, scan)
     assert len({c.label for c in readings}) > 5
     assert 0 < sum(c.range_m == NOTHING for c in readings) < len(readings) / 2
-    tracer = ReferenceTracer(park.world)
-    assert mismatches(park.world, tracer, readings) == [None] * len(readings)
+    assert mismatches(park.world, KEPT.tracer(park.world), readings) == [None] * len(readings)
 
 
 def test_no_wrong_reading_in_a_built_world_passes(park: SensorWorld, scan: Scan) -> None:
@@ -214,4 +214,4 @@ def test_no_wrong_reading_in_a_built_world_passes(park: SensorWorld, scan: Scan)
                 found._replace(range_m=found.range_m * (1 + 0.002 * rng.choice([-1, 1]))),
                 found._replace(range_m=NOTHING, label=Label.SKY, instance=0),
             ][k % 4])  # fmt: skip
-    assert None not in mismatches(park.world, ReferenceTracer(park.world), wrong)
+    assert None not in mismatches(park.world, KEPT.tracer(park.world), wrong)

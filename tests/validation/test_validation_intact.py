@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from changed_bags import CAMERA_TOPICS, POINTS, failures, failures_of, points_in, rewritten
+from small_park import in_small_park
 
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.cli import main
@@ -43,8 +44,8 @@ def test_an_intact_run_passes_every_check(lean_run: Path) -> None:
     assert "26 photographs" in texts["photographs"]
 
 
-def test_without_the_world_only_its_checks_are_skipped(small_run: Path) -> None:
-    checks = validate(small_run, quick=True)
+def test_without_the_world_only_its_checks_are_skipped(lean_run: Path) -> None:
+    checks = validate(lean_run, quick=True)
     skipped = {"world", "retraced clouds", "retraced images", "photographs", "independent rays"}
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
 
@@ -88,8 +89,7 @@ def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path) -> N
 @pytest.mark.usefixtures("in_park")
 @pytest.mark.parametrize(("rate", "sampling"), [pytest.param(50.0, "instant", marks=pytest.mark.slow), (7.0, "mean")])
 def test_imu_of_any_rate_and_sampling_passes(rate: float, sampling: str, tmp_path: Path) -> None:
-    values = load_experiment("park_2").model_dump()
-    values["seconds"] = 0.3
+    values = in_small_park(seconds=0.3).model_dump()
     values["rig"]["cameras"] = values["rig"]["lidar"] = {"enabled": False}
     values["rig"]["imu"] = {"rate_hz": rate, "sampling": sampling}
     run = generate(Experiment.model_validate(values), tmp_path).parent
