@@ -44,12 +44,12 @@ seeds = pytest.mark.parametrize("seed", [1, 2, 3, 4])
 
 
 @every
-@seeds
-def test_mesh_is_valid(make: Make, seed: int) -> None:
-    mesh = make(np.random.default_rng(seed))
-    assert_valid(mesh, least_area=5e-10)
-    assert ((face_normals(mesh) * mesh.normals[mesh.faces].mean(1)).sum(1) > 0).mean() > 0.93
-    assert len(mesh.faces) < 20_000
+def test_mesh_is_valid(make: Make) -> None:
+    for seed in range(1, 5):
+        mesh = make(np.random.default_rng(seed))
+        assert_valid(mesh, least_area=5e-10)
+        assert ((face_normals(mesh) * mesh.normals[mesh.faces].mean(1)).sum(1) > 0).mean() > 0.93, seed
+        assert len(mesh.faces) < 20_000
 
 
 @every

@@ -56,9 +56,8 @@ OFTEN = ("oak", "pine", "spruce")
 
 
 def often(every: Iterable[Plant]) -> list[Any]:
-    """Parameters: far trees are quick, and of the others those of the species above; the rest is slow."""
-    quick = {*FAR, *SHRUBS}
-    return [k if k in quick or k.name in OFTEN else pytest.param(k, marks=pytest.mark.slow, id=str(k)) for k in every]
+    """Parameters: shrubs, and trees of the species above; the rest is slow."""
+    return [k if k in SHRUBS or k.name in OFTEN else pytest.param(k, marks=pytest.mark.slow, id=str(k)) for k in every]
 
 
 plants = pytest.mark.parametrize("plant", often(PLANTS), ids=str)

@@ -44,10 +44,10 @@ def test_detail_scales_the_leaves_and_keeps_the_leaf_area(species: Species) -> N
 
 
 @every_species
-@pytest.mark.parametrize("detail", [0.0, 0.004, 1.5, float("nan")])
-def test_detail_out_of_range_is_rejected(species: Species, detail: float) -> None:
-    with pytest.raises(ValueError, match=r"detail must be between 0\.005 and 1, got"):
-        grow(species, detail=detail)
+def test_detail_out_of_range_is_rejected(species: Species) -> None:
+    for detail in (0.0, 0.004, 1.5, float("nan")):
+        with pytest.raises(ValueError, match=r"detail must be between 0\.005 and 1, got"):
+            grow(species, detail=detail)
 
 
 @every_species
