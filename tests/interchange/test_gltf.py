@@ -15,7 +15,6 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
@@ -213,10 +212,8 @@ def test_texture_coordinates_point_down(world: World, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("environment", ["park", "lake"])
-def test_the_real_worlds_are_read_back(environment: str, tmp_path: Path) -> None:
-    """The ground of the park as fine as it is, that of the lake with the nodes of packages for Gazebo."""
-    world = load_world(environment, 0, {} if environment == "park" else DEFAULT_LAYOUT)
+def test_a_real_world_is_read_back(tmp_path: Path) -> None:
+    world = load_world("park")
     found = InstancedFile(write_scene(world, tmp_path / "instanced.glb", to="gltf"))
     for instance in world.instances:
         node = found.nodes[instance.name]

@@ -22,6 +22,8 @@ from fieldtruth.world.grids import Line
 from fieldtruth.world.model import World
 from fieldtruth.world.rocks import ROCK_TYPES, rim_vertices
 
+pytestmark = pytest.mark.slow
+
 F8 = NDArray[np.float64]
 ROCKS = {"crag": 26, "boulder": 34, "rock": 44, "slab": 16}
 TREES = {"pine": 6, "oak": 6, "snag": 3}
@@ -39,10 +41,10 @@ def hillside(seed: int) -> World:
         return build_world("hillside", seed, {"individuals": 1})
 
 
-@pytest.fixture(scope="module", params=["quick", pytest.param("built_in", marks=pytest.mark.slow)])
-def world(request: pytest.FixtureRequest) -> World:
-    """A hillside of seed 1, quickly made, and the built-in one of seed 0."""
-    return load_world("hillside") if request.param == "built_in" else hillside(1)
+@pytest.fixture(scope="module")
+def world() -> World:
+    """The built-in hillside."""
+    return load_world("hillside")
 
 
 def slopes(world: World, smoothing: float) -> tuple[F8, F8]:
@@ -182,13 +184,11 @@ def test_classes_and_no_trail(world: World) -> None:
     assert np.all(cover.mean(axis=(0, 1)) > 0.02)  # turf, soil, scree and rock
 
 
-@pytest.mark.slow
 def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
     assert digest(hillside.__wrapped__(1)) == digest(hillside(1))
     assert not np.array_equal(hillside(1).terrain.field.heights, load_world("hillside").terrain.field.heights)
 
 
-@pytest.mark.slow
 def test_flank_without_corridors_is_steep_everywhere() -> None:
     rocks = {"crags": 2, "boulders": 2, "blocks": 2, "slabs": 1, "stones": 0, "pebbles": 0}
     plants = {"grass": 0, "junipers": 1, "gorse": 1, "cushions": 1, "pines": 1, "oaks": 1, "snags": 1}

@@ -237,6 +237,7 @@ def test_same_seed_same_lake_other_seed_another() -> None:
     assert not np.array_equal(other.terrain.field.heights, first.terrain.field.heights)
 
 
+@pytest.mark.slow
 def test_grass_density_moves_no_object_and_invalid_layouts_are_errors() -> None:
     """The grass density does not move trees; layouts that are not allowed raise errors."""
     few, many = lake_variant(1, grass=0.1), lake_variant(1)
