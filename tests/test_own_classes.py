@@ -30,7 +30,7 @@ from fieldtruth.validation.world import allowed_by_name, names_of_objects
 from fieldtruth.world.build import check_layout
 from fieldtruth.world.classes import CLASSES_FILE, FIRST, as_layout, classes_of, with_own
 
-pytestmark = pytest.mark.usefixtures("small_sky")
+pytestmark = pytest.mark.usefixtures("small_sky", "small_ground_images")
 
 NAME, COLOUR, ID = "hay_bale", (200, 180, 60), 32
 OWN = {NAME: {"colour": list(COLOUR), "label_maps": {"rellis": "vehicle"}}, "crate": {"id": 77}}

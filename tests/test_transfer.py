@@ -105,9 +105,8 @@ def test_trained_on_some_and_scored_on_others(tmp_path: Path, capsys: pytest.Cap
     assert Image.open(tmp_path / "sheet.png").size == (3 * transfer.TILE, transfer.TILE // 2)
 
 
-@pytest.mark.parametrize(
-    ("count", "pairs", "frames"), [pytest.param(5, "1", (10, 5), marks=pytest.mark.slow), (1, "all", (4, 2))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "pairs", "frames"), [(5, "1", (10, 5)), (1, "all", (4, 2))])
 def test_synthetic_frames_between_real_ones_are_not_forgotten(
     count: int, pairs: str, frames: tuple[int, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -93,6 +93,7 @@ def test_another_environment_is_refused(given: str, park: World, rocks: World, t
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_another_seed_is_refused(rocks: World, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match=r"objects of hillside with seed 1 match; .* is at x "):
         check(tmp_path, models_of(rocks), made("hillside", 1, ROCKS))

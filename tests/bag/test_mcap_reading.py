@@ -70,7 +70,7 @@ def test_messages_are_those_of_the_bag_but_for_their_sequence_numbers(lean_run: 
     assert transforms[: len(transforms) // 2] == transforms[len(transforms) // 2 :]
 
 
-@pytest.fixture(scope="module", params=["folder", "zstd"])
+@pytest.fixture(scope="module", params=["folder", pytest.param("zstd", marks=pytest.mark.slow)])
 def database(made: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """The same messages as ``ros2 bag record`` stores them by default: a database and metadata.yaml."""
     folder = tmp_path_factory.mktemp(request.param) / "park_1"

@@ -88,7 +88,7 @@ def as_folder(folder: Path) -> dict[str, str]:
 
 
 Adding = Callable[[Path], dict[str, str]]
-ADDINGS = pytest.mark.parametrize("adding", [as_package, as_folder])
+ADDINGS = pytest.mark.parametrize("adding", [pytest.param(as_package, marks=pytest.mark.slow), as_folder])
 
 
 LISTS = """

@@ -141,7 +141,7 @@ def test_random_route_in_the_park_is_driven_to_its_end() -> None:
     assert away.max() < 0.15
 
 
-@pytest.mark.parametrize("seconds", [None, 1.0])
+@pytest.mark.parametrize("seconds", [pytest.param(None, marks=pytest.mark.slow), 1.0])
 def test_the_drive_of_the_planning_is_the_result_and_a_shorter_run_is_its_beginning(seconds: float | None) -> None:
     world, quick = make_world(), ControlConfig(speed=1.0)
     experiment = random_experiment(20.0, 3, control=quick).model_copy(update={"seconds": seconds})

@@ -77,13 +77,13 @@ def test_a_caster_carries_what_the_lever_law_says(flat_world: World) -> None:
 
 
 @EACH
-def test_it_drives_5_m_straight_at_the_commanded_speed(flat_world: World, name: str) -> None:
+def test_it_drives_2_m_straight_at_the_commanded_speed(flat_world: World, name: str) -> None:
     rig = rig_of(name)
     robot, wheels = make_robot(flat_world, (-18.0, 0.0), rig=rig), len(rig.wheels.names)
     robot.advance(Command(0.5, 0.0), 1000)
-    states = robot.advance(Command(0.5, 0.0), 10_001)
+    states = robot.advance(Command(0.5, 0.0), 4001)
     moved = states[-1, :2] - states[0, :2]
-    assert float(np.linalg.norm(moved)) == pytest.approx(5.0, rel=0.01)
+    assert float(np.linalg.norm(moved)) == pytest.approx(2.0, rel=0.01)
     assert abs(moved[1]) < 0.02
     rolled = (states[-1, 13 + wheels :] - states[0, 13 + wheels :]) * rig.wheels.radius
     assert_allclose(rolled, np.linalg.norm(moved), rtol=0.01)  # wheel odometry

@@ -67,6 +67,7 @@ def test_photographs_and_rendering() -> None:
     assert np.abs(after[120:, 120:360].astype(int) - before).mean() > 1.0
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_episodes() -> None:
     env = gymnasium.make("fieldtruth/Reach-v0", observation=("state", "elevation/seen"), **SMALL)
 

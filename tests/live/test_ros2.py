@@ -117,6 +117,7 @@ def test_all_sockets_are_bound_to_the_loopback_interface() -> None:
     sink.close()
 
 
+@pytest.mark.slow
 def test_late_second_and_killed_subscribers() -> None:
     with sent_and_driven() as (run, _):
         wait_for(lambda: run.simulation.seconds > 0.2)

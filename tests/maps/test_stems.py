@@ -41,7 +41,9 @@ def scan(noise: float, turn_deg: float, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate(parts)
 
 
-@pytest.mark.parametrize(("noise", "turn", "within"), [(0.003, 180, 0.06), (0.015, 270, 0.2)])
+@pytest.mark.parametrize(
+    ("noise", "turn", "within"), [(0.003, 180, 0.06), pytest.param(0.015, 270, 0.2, marks=pytest.mark.slow)]
+)
 def test_stems_are_found_with_their_diameters_and_bushes_are_none(noise: float, turn: float, within: float) -> None:
     rng = np.random.default_rng(5)
     found = sorted(find_stems(scan(noise, turn, rng), rng))

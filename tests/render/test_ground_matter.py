@@ -114,9 +114,8 @@ def test_flanks_towards_the_sun_are_bright_and_walls_cast_shadows() -> None:
     assert turned == pytest.approx(line, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["lawn", "needles"])
-def test_mip_maps_keep_colour_and_sunlight(name: str) -> None:
-    texture = texture_of(name)
+def test_mip_maps_keep_colour_and_sunlight() -> None:
+    texture = texture_of("lawn")
     sun = np.array([0.5, -0.58, 0.643])
     atlas = make_atlas([texture], {0: sun_factors(texture, 0.02, 1.5, sun)})
     wanted = linear_from_srgb(texture[..., :3] / 255.0).mean(axis=(0, 1))

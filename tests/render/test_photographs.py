@@ -113,17 +113,15 @@ def test_shadow_on_the_ground_matches_closed_form(azimuth: float, elevation: flo
     assert lit.max() < 1.15 * lit.min()  # level ground is evenly lit, apart from the sky that the box hides
 
 
-@pytest.mark.parametrize(("azimuth", "elevation"), [(90.0, 30.0), (270.0, 30.0)])
-def test_side_that_faces_the_sun_is_brighter(azimuth: float, elevation: float) -> None:
-    """A box seen from the east (-y) and from the west, with the sun in the east, then in the west."""
-    light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
+def test_side_that_faces_the_sun_is_brighter() -> None:
+    """A box seen from the east (-y) and from the west, with the sun in the east."""
+    light = LightConfig(sun_azimuth_deg=90.0, sun_elevation_deg=30.0)
     scene = bake(Scene(make_world([(box("box", (1, 1, 1)), at(0, 0, 1.0))], side=30.0)), light)
     east = transforms.pose((0, -6, 1), (0, 0, 90)) @ OPTICAL
     west = transforms.pose((0, 6, 1), (0, 0, -90)) @ OPTICAL
     images = [Camera(SMALL, scene).render(pose) for pose in (east, west)]
     from_east, from_west = (float(p.photo[p.instance == 2].mean()) for p in images)
-    bright, dim = (from_east, from_west) if azimuth == 90.0 else (from_west, from_east)
-    assert bright > 1.3 * dim
+    assert from_east > 1.3 * from_west
 
 
 def test_shadow_on_another_object_matches_closed_form() -> None:

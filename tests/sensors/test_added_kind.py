@@ -145,6 +145,7 @@ def test_interrupted_runs_and_those_of_a_cluster_have_its_readings(package: Path
     assert (package / "clustered" / "heard" / "heard.bag").read_bytes() == bag.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_kind_that_gazebo_cannot_hold_is_named(package: Path) -> None:
     said = run(package, "gazebo", "park", "--flavour", "gz", "--experiment", "heard.yaml", "--out", "gz", code=2)
     line = "rig.sensors: below is of kind sonar, which a Gazebo package cannot hold; give enabled: false"

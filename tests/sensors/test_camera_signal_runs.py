@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
 
 def _experiment(signal: Any, **changes: Any) -> Experiment:
     cameras = {"width": 96, "height": 54, "depth": True, "instances": True, "signal": signal}
-    return in_small_park(**{"seconds": 0.2, "rig": {"cameras": cameras, "lidar": {"enabled": False}}} | changes)
+    return in_small_park(**{"seconds": 0.12, "rig": {"cameras": cameras, "lidar": {"enabled": False}}} | changes)
 
 
 @pytest.fixture(scope="module")

@@ -70,11 +70,8 @@ def test_all_else_is_the_same_without_it(world: World, bare: World) -> None:
         assert np.array_equal(one.world_from_object, other.world_from_object)
 
 
-def test_the_same_seed_gives_the_same_litter_and_the_amount_scales_it(world: World) -> None:
-    again, double = litter_of(forest(1.0)), litter_of(forest(2.0))
-    for ours, theirs, more in zip(litter_of(world), again, double, strict=True):
-        assert np.array_equal(ours.world_from_object, theirs.world_from_object)
-        assert np.array_equal(ours.mesh, theirs.mesh)
+def test_the_amount_scales_it(world: World) -> None:
+    for ours, more in zip(litter_of(world), litter_of(forest(2.0)), strict=True):
         assert 1.8 < len(more.mesh) / len(ours.mesh) < 2.2
 
 

@@ -126,6 +126,7 @@ def test_every_group_grows(environment: str) -> None:
         assert set(names) <= {*TREES, *BUSHES, *GRASSES, *ROCK_TYPES}
 
 
+@pytest.mark.slow
 def test_a_species_in_a_users_folder_is_planted(tmp_path: Path) -> None:
     (tmp_path / "trees").mkdir()
     lime = Path(sys.modules[Planter.__module__].__file__ or "").parents[1] / "data/trees/lime.yaml"

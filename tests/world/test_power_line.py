@@ -145,7 +145,7 @@ def test_wires_end_at_insulators(variant: int) -> None:
     assert np.ptp(held[:2, 1]) > 1.5
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_power_line_across_a_world(seed: int, tmp_path: Path) -> None:
     with environment(tmp_path / "plain.yaml", TEXT) as name:
         assert "wires" not in model_of(name).model_fields

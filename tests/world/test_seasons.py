@@ -143,7 +143,7 @@ def test_summer_is_the_default_byte_for_byte() -> None:
     assert digest(replace(named, layout={})) == digest(replace(summer(), layout={}))
 
 
-@pytest.mark.parametrize("season", ["spring", "autumn", "winter"])
+@pytest.mark.parametrize("season", [pytest.param("spring", marks=pytest.mark.slow), "autumn", "winter"])
 def test_a_season_is_deterministic_and_keeps_ground_objects_and_names(season: str) -> None:
     before, after = summer(), changed(season)
     assert digest(after) == digest(in_season(before, season))
