@@ -160,7 +160,7 @@ def test_depth_and_instance_images_are_decoded(small_run: Path) -> None:
     assert np.array_equal(np.isinf(metres), sky)
     assert np.array_equal(ids == 0, sky)
     assert (metres > 0).all()
-    assert (depth.encoding, instance.encoding, depth.step, instance.step) == ("32FC1", "16UC1", 1280, 640)
+    assert (depth.encoding, instance.encoding, depth.step, instance.step) == ("32FC1", "16UC1", 640, 320)
     with pytest.raises(BagError, match="must be 32FC1"):
         read.depth(tag)
     with pytest.raises(BagError, match="must be 16UC1"):

@@ -134,14 +134,14 @@ def test_static_objects_align_in_the_world(made: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def fine(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def fine(fine_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Export of a run whose images are as fine as the rings of its LiDAR."""
-    return export(lean_run, "semantickitti", out=tmp_path_factory.mktemp("fine") / "out")
+    return export(fine_run, "semantickitti", out=tmp_path_factory.mktemp("fine") / "out")
 
 
 @pytest.mark.parametrize(("camera", "side"), [("P0", "left"), ("P1", "right"), ("P2", "left"), ("P3", "right")])
-def test_clouds_project_onto_their_classes_in_the_images(fine: Path, lean_run: Path, camera: str, side: str) -> None:
-    folder, calib, bag = fine / "sequences/00", read_calib(fine / "sequences/00"), lean_run / "park_1.bag"
+def test_clouds_project_onto_their_classes_in_the_images(fine: Path, fine_run: Path, camera: str, side: str) -> None:
+    folder, calib, bag = fine / "sequences/00", read_calib(fine / "sequences/00"), fine_run / "park_1.bag"
     images = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.tag(side)])}
     depths = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.depth(side)])}
     right, wrong, projected_count = 0, 0, 0

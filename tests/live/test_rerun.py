@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A live simulation in rerun: what its own server wrote into a file."""
 
-import signal
 import socket
 import subprocess
 import sys
@@ -43,7 +42,7 @@ def test_a_server_hears_world_clouds_and_poses_of_two_beginnings(tmp_path: Path)
             wait_for(lambda: 0.25 < run.simulation.seconds < 0.5, seconds=60)
         track = run.simulation.track
     finally:
-        server.send_signal(signal.SIGINT)
+        server.terminate()
         server.wait(60)
     reader = RrdReader(str(file))
     _, second = [each for each in reader.recordings() if each.application_id == "fieldtruth"]
