@@ -62,7 +62,7 @@ _OF_EXTRAS: Final = {
     "fieldtruth.exporters.mcap": "mcap",
     "fieldtruth.exporters.stereo_depth": "cv2",
     "fieldtruth.interchange.usd": "pxr",
-    "fieldtruth.learning": "gymnasium",
+    **dict.fromkeys(("fieldtruth.learning", "fieldtruth.live.score"), "gymnasium"),
 }
 
 
