@@ -19,10 +19,11 @@ from many_sensors import many_rig
 from numpy.random import Generator
 from small_park import in_small_park
 
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.light_config import Light
 from fieldtruth.exporters import FORMATS, export
 from fieldtruth.pipeline import generate
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 # spend most of their processor time waiting for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+_LEAN_NS: Final = 520_000_000
 _LONG: Final = ("test_annotate.py", "test_crowns.py", "test_eight_drives.py")
 """Files that take long although they have many tests: last, one of them would keep one worker while the other waits."""
 Once = Callable[[str, Callable[[Path], object]], Path]
@@ -75,23 +77,32 @@ def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Once:
     return filled
 
 
-def _small_experiment(seconds: float = 1.2, width: int = 160) -> Experiment:
+def _small_experiment(width: int = 160) -> Experiment:
     values = load_experiment("park_1").model_dump()
-    values["seconds"] = seconds
+    values["seconds"] = 1.2
     values["rig"]["cameras"] = {"width": width, "height": 23 * width // 40, "depth": True, "instances": True}
     return Experiment.model_validate(values)
+
+
+def _small_run(once: Once, request: pytest.FixtureRequest, width: int) -> Path:
+    def fill(folder: Path) -> None:
+        request.getfixturevalue("park")
+        with _worlds_of(KEPT):
+            generate(_small_experiment(width), folder)
+
+    return once(f"small_run_{width}", fill) / "park_1"
 
 
 @pytest.fixture(scope="session")
 def small_run(once: Once, request: pytest.FixtureRequest) -> Path:
     """Folder of 1.2 s of park_1 with depth and instances, images of 160 x 92. Copy what you want to change."""
+    return _small_run(once, request, 160)
 
-    def fill(folder: Path) -> None:
-        request.getfixturevalue("park")
-        with _worlds_of(KEPT):
-            generate(_small_experiment(), folder)
 
-    return once("small_run", fill) / "park_1"
+@pytest.fixture(scope="session")
+def fine_run(once: Once, request: pytest.FixtureRequest) -> Path:
+    """The small run with images of 320 x 184, to which LiDARs are compared. Copy what you want to change."""
+    return _small_run(once, request, 320)
 
 
 @pytest.fixture(scope="session")
@@ -124,27 +135,16 @@ def winding_track() -> Track:
 
 
 @pytest.fixture(scope="session")
-def lean_run(once: Once, request: pytest.FixtureRequest) -> Path:
-    """Folder of 0.52 s with images of 320 x 184, which LiDARs are compared to. Copy what you want to change."""
+def lean_run(fine_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the first 0.52 s of the fine run, as a run of its own. Copy what you want to change."""
 
-    def fill(folder: Path) -> None:
-        request.getfixturevalue("park")
-        with _worlds_of(KEPT):
-            generate(_small_experiment(0.52, 320), folder)
+    from changed_bags import rewritten
 
-    return once("lean_run", fill) / "park_1"
+    def change(raw: RawMessage, k: int) -> RawMessage | None:
+        return raw if raw.stamp_ns <= _LEAN_NS else None
 
-
-@pytest.fixture(scope="session")
-def fine_run(once: Once, request: pytest.FixtureRequest) -> Path:
-    """Folder of 0.52 s with images of 640 x 368, finer than the rings of its LiDAR. Copy what you want to change."""
-
-    def fill(folder: Path) -> None:
-        request.getfixturevalue("park")
-        with _worlds_of(KEPT):
-            generate(_small_experiment(0.52, 640), folder)
-
-    return once("fine_run", fill) / "park_1"
+    shorter = with_overrides(load_experiment(fine_run / "experiment.yaml"), seconds=_LEAN_NS / 1e9)
+    return rewritten(fine_run, tmp_path_factory.mktemp("lean_run"), change, shorter)
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from sense_worlds import box, make_world
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
@@ -284,8 +285,10 @@ def test_full_disk_is_an_error_of_the_system(world: World, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_real_world_has_all_its_triangles(tmp_path: Path) -> None:
-    world = load_world("park")
+@pytest.mark.parametrize("environment", ["park", "lake"])
+def test_environments_have_all_their_triangles(environment: str, tmp_path: Path) -> None:
+    """The ground of the park as fine as it is, that of the lake with the nodes of packages for Gazebo."""
+    world = load_world(environment, 0, {} if environment == "park" else DEFAULT_LAYOUT)
     usd.write(world, tmp_path / "out", beyond=True)
     stage = Usd.Stage.Open(str(tmp_path / "out" / "world.usdc"))
     assert triangles_by_id_and_class(stage) == expected_triangles(world, beyond=True)
