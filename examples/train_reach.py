@@ -145,8 +145,8 @@ def _loaded(path: str) -> PPO:
 class Progress:
     """Saves the policy, and says how it does in the last 100 episodes."""
 
-    def __init__(self, out: Path, minutes: float) -> None:
-        self._out, self._state = out, {"spent_s": 0.0, "steps": 0}
+    def __init__(self, out: Path, minutes: float, processes: int) -> None:
+        self._out, self._state = out, {"spent_s": 0.0, "steps": 0, "processes": processes}
         if (out / "state.json").exists():
             self._state = json.loads((out / "state.json").read_text())
         self._began = time.monotonic() - self._state["spent_s"]
@@ -217,19 +217,44 @@ def draw_curve(out: Path) -> None:
     plt.close(figure)
 
 
-def main() -> None:
-    """Train, or go on."""
+def minutes(text: str) -> float:
+    """Return a time of the command line."""
+    if not 0.0 < (value := float(text)) < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be above 0, got {text}")
+    return value
+
+
+def count(text: str) -> int:
+    """Return a number of the command line."""
+    if not 1 <= (value := int(text)) <= 64:
+        raise argparse.ArgumentTypeError(f"must be from 1 to 64, got {text}")
+    return value
+
+
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the results")
-    parser.add_argument("--minutes", type=float, default=50.0, help="time of the training, all parts together (50)")
-    parser.add_argument("--processes", type=int, default=8, help="environments beside each other (8)")
+    parser.add_argument("--minutes", type=minutes, default=50.0, help="time of the training, all parts together (50)")
+    parser.add_argument("--processes", type=count, default=8, metavar="N", help="environments (8)")
     parser.add_argument("--seed", type=int, default=0, help="of first weights and tasks (0)")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"--out {options.out}: {error.strerror}")
+    state = options.out / "state.json"
+    if state.exists() and (known := json.loads(state.read_text())["processes"]) != options.processes:
+        parser.error(f"{options.out} was begun with --processes {known}, got {options.processes}")
+    return options
+
+
+def main() -> None:
+    """Train, or go on."""
+    options = _options()
     torch.set_num_threads(1)  # the network is small
     makers = [_make(rank, options.seed) for rank in range(options.processes)]
     envs = VecMonitor(SubprocVecEnv(makers, start_method="spawn"))
-    saved, progress = options.out / "policy.zip", Progress(options.out, options.minutes)
+    saved, progress = options.out / "policy.zip", Progress(options.out, options.minutes, options.processes)
     if saved.exists():
         model = PPO.load(saved, env=envs, device="cpu")
     else:
