@@ -2,10 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A live simulation in rerun: what its own server wrote into a file."""
 
+import os
+import signal
 import socket
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,22 +32,36 @@ def free_port() -> int:
         return int(each.getsockname()[1])
 
 
+@contextmanager
+def server(file: Path) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """Run rerun's own server, which writes a file, and yield its process and port."""
+    port = free_port()
+    command = [sys.executable, "-m", "rerun", "--save", str(file), "--bind", "127.0.0.1", "--port", str(port)]
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, start_new_session=True, stdout=quiet, stderr=quiet)
+    try:
+        wait_for(lambda: socket.socket().connect_ex(("127.0.0.1", port)) == 0, seconds=60)
+        yield process, port
+    finally:
+        end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """End a server, which the library starts as a child of its process."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGTERM)
+    process.wait(60)
+
+
 def test_a_server_hears_world_clouds_and_poses_of_two_beginnings(tmp_path: Path) -> None:
     from rerun.chunk import RrdReader
 
-    file, port = tmp_path / "live.rrd", free_port()
-    command = [sys.executable, "-m", "rerun", "--save", str(file), "--bind", "127.0.0.1", "--port", str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        wait_for(lambda: socket.socket().connect_ex(("127.0.0.1", port)) == 0, seconds=60)
+    with server(file := tmp_path / "live.rrd") as (_, port):
         with running(lambda _: RerunSink(port=port), rate=0.0) as (_, run):
             wait_for(lambda: run.simulation.seconds > 0.5, seconds=60)
             run.inbox.take("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=-1))
             wait_for(lambda: 0.25 < run.simulation.seconds < 0.5, seconds=60)
         track = run.simulation.track
-    finally:
-        server.terminate()
-        server.wait(60)
     reader = RrdReader(str(file))
     _, second = [each for each in reader.recordings() if each.application_id == "fieldtruth"]
     rows = defaultdict[str, list[dict[str, Any]]](list)
@@ -61,6 +79,21 @@ def test_a_server_hears_world_clouds_and_poses_of_two_beginnings(tmp_path: Path)
     for cloud in simulation.step(0.25).all["turning"]:
         np.testing.assert_array_equal(shown[cloud.stamp_ns]["Points3D:positions"], cloud.xyz)
         np.testing.assert_array_equal(shown[cloud.stamp_ns]["Points3D:class_ids"], cloud.label)
+
+
+@pytest.mark.slow  # the library waits for the viewer
+def test_a_viewer_that_is_closed_ends_nothing(tmp_path: Path) -> None:
+    with (
+        server(tmp_path / "live.rrd") as (process, port),
+        running(lambda _: RerunSink(port=port), rate=0.0) as (_, run),
+    ):
+        wait_for(lambda: run.simulation.seconds > 0.2, seconds=60)
+        end(process)
+        reached = run.simulation.seconds
+        wait_for(lambda: run.simulation.seconds > reached + 0.5, seconds=60)
+        run.inbox.take("/fieldtruth/reset", "std_msgs/msg/Int64", SimpleNamespace(data=-1))
+        wait_for(lambda: 0.1 < run.simulation.seconds < reached + 0.5, seconds=60)
+        wait_for(lambda: run.simulation.seconds > 0.5, seconds=60)
 
 
 def test_without_a_viewer_it_says_so() -> None:

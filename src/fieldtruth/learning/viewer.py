@@ -2,24 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Episodes in the rerun viewer while they are driven: ground, goal, planner's path, robot, and what it senses."""
 
-import os
-import sys
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import OutputError
 from fieldtruth.core.readings import Cloud
 from fieldtruth.drive.routes import NODE
 from fieldtruth.drive.traversability import Blockage
 from fieldtruth.learning.robot import Now
 from fieldtruth.learning.task_world import OBSTACLE_HEIGHT, TaskWorld
 from fieldtruth.learning.tasks import Task
+from fieldtruth.report.viewer import BASE, TIMELINE, check_display, end_recording, rerun_library
 
-TIMELINE: Final = "time"
-_BASE: Final = "world/base_link"
 _GROUND, _OBSTACLE, _PATH = (110, 120, 90), (170, 70, 50), (255, 200, 0)
 
 
@@ -31,13 +27,8 @@ class Viewer:
     """
 
     def __init__(self) -> None:
-        try:
-            import rerun
-        except ImportError as error:
-            raise OutputError("the viewer is not installed; run: pip install 'fieldtruth[view]'") from error
-        if sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
-            raise OutputError("there is no display for the viewer; use render_mode 'rgb_array', or none")
-        self._rr: Any = rerun
+        rerun = self._rr = rerun_library()
+        check_display("use render_mode 'rgb_array', or none")
         self._recording: Any = rerun.RecordingStream("fieldtruth")
         rerun.spawn(recording=self._recording, hide_welcome_screen=True)
         self._since = self._last = 0.0  # [s]
@@ -52,7 +43,7 @@ class Viewer:
         )
         length, width, height = robot.outline
         body = rr.Boxes3D(sizes=[[length, width, height]], centers=[[0.0, 0.0, height / 2 - robot.ground_clearance]])
-        self._recording.log(f"{_BASE}/body", body)
+        self._recording.log(f"{BASE}/body", body)
         self._recording.log("world/ground", self._ground(made, task))
         path = [] if task.goal is None else [self._above(made, _path(task))]
         self._recording.log("world/path", rr.LineStrips3D(path, colors=[_PATH], radii=0.05))
@@ -64,18 +55,17 @@ class Viewer:
         rr, self._last = self._rr, self._since + seconds
         self._recording.set_time(TIMELINE, duration=self._last)
         pose = now.world_from_base
-        self._recording.log(_BASE, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+        self._recording.log(BASE, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         if cloud is not None:
             points = cloud[0].xyz @ cloud[1][:3, :3].T + cloud[1][:3, 3]
-            self._recording.log(f"{_BASE}/lidar", rr.Points3D(points, class_ids=cloud[0].label))
+            self._recording.log(f"{BASE}/lidar", rr.Points3D(points, class_ids=cloud[0].label))
         for name, make in (("camera/photo", rr.Image), ("camera/label", rr.SegmentationImage)):
             if name in seen:
                 self._recording.log(name, make(seen[name]))
 
     def close(self) -> None:
         """Send what is left."""
-        self._recording.flush()
-        self._recording.disconnect()
+        end_recording(self._recording)
 
     def _ground(self, made: TaskWorld, task: Task) -> Any:
         """Mesh of the planner's nodes; obstacles stand out as in the map of heights."""

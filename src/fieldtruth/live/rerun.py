@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A live simulation in a viewer of rerun: the world as boxes, the robot, clouds by class, images, IMU and speed.
 
-The viewer is a server, and this is its client: nothing listens here, and no command comes from it.
+The viewer is a server, and this is its client: nothing listens here, and no command comes from there. A viewer that is
+closed ends nothing: what is sent is lost.
 """
 
 import socket
@@ -20,7 +21,7 @@ from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.live.loop import LOOPBACK, Sink
 from fieldtruth.live.messages import Message
 from fieldtruth.live.scene import ground_triangles, hull_boxes, object_boxes
-from fieldtruth.report.viewer import BASE, TIMELINE, entities, rerun_library
+from fieldtruth.report.viewer import BASE, TIMELINE, end_recording, entities, rerun_library
 from fieldtruth.world.model import World
 
 PORT: Final = 9876
@@ -105,8 +106,7 @@ class RerunSink(Sink):
     def close(self) -> None:
         """Send what waits, and end the recording."""
         if self._recording is not None:
-            self._recording.flush(timeout_sec=5.0)
-            self._recording.disconnect()
+            end_recording(self._recording)
 
     def _log(self, entity: str, shown: Any, *, static: bool = False) -> None:
         self._recording.log(entity, shown, static=static)

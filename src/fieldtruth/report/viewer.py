@@ -9,7 +9,7 @@ data in memory, and a tag image takes a megabyte.
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -51,8 +51,8 @@ def view(path: Path | str, *, save: Path | str | None = None, progress: Progress
     """
     save = None if save is None else output_path(save, endings=(".rrd",), option="--save")
     run = open_run(path)
-    if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
-        raise OutputError("there is no display for the viewer; use --save FILE.rrd to write a recording")
+    if save is None:
+        check_display("use --save FILE.rrd to write a recording")
     rr = rerun_library()
     recording = rr.RecordingStream("fieldtruth", recording_id=run.name)
     with ExitStack() as stack:
@@ -64,8 +64,11 @@ def view(path: Path | str, *, save: Path | str | None = None, progress: Progress
             recording.save(str(stack.enter_context(atomic_output(save))))
         recording.send_blueprint(_blueprint(run))
         _Log(rr, recording, run).everything(Silent() if progress is None else progress)
-        recording.flush()
-        recording.disconnect()
+        if save is None:
+            end_recording(recording)
+        else:
+            recording.flush()
+            recording.disconnect()
 
 
 class _Log:
@@ -236,6 +239,19 @@ def _blueprint(run: Run) -> Any:
         rrb.TimePanel(timeline=TIMELINE),
         collapse_panels=True,
     )
+
+
+def check_display(instead: str) -> None:
+    """Raise OutputError, which says what to do instead, if there is no display for a viewer's window."""
+    if sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
+        raise OutputError(f"there is no display for the viewer; {instead}")
+
+
+def end_recording(recording: Any) -> None:
+    """Send a viewer what waits. One that was closed before loses it, of which the library has logged a line."""
+    with suppress(RuntimeError):
+        recording.flush(timeout_sec=5.0)
+    recording.disconnect()
 
 
 def rerun_library() -> Any:
