@@ -112,6 +112,24 @@ def test_straight_drive_on_a_plane_has_the_metrics_of_a_ruler(plane: World) -> N
     assert reward > 9.0
 
 
+def test_energy_on_a_plane_is_that_against_the_resistance_of_the_soil(plane: World) -> None:
+    """Motors work against the drag on the hubs and the torque of the rolling tyres, at the speed of the treads."""
+    env = made("Reach", plane)
+    env.reset(seed=1, options={"start": (-10.0, 0.0), "goal": (10.0, 0.0), "heading": 0.0})
+    inner: Any = env.unwrapped
+    physics, forces = inner.robot.physics, list[float]()
+    for step in range(120):
+        if step == 20:  # it drives evenly
+            work, angles = physics.work, physics.wheel_angles
+        env.step(np.array([0.8, 0.0], np.float32))
+        wheels = physics.surroundings.contacts.wheels
+        forces.append(-wheels.drag.sum() - wheels.torque.sum() / inner.senses.rig.wheels.radius)
+    metres = (physics.wheel_angles - angles).mean() * inner.senses.rig.wheels.radius
+    assert metres == pytest.approx(8.0, rel=0.01)
+    assert (physics.work - work) / metres == pytest.approx(np.mean(forces[20:]), rel=0.01)
+    assert np.mean(forces[20:]) > 10.0
+
+
 def test_state_shows_the_goal_and_the_motion(plane: World) -> None:
     env = made("Reach", plane)
     state, _ = env.reset(seed=0, options={"start": (0.0, 0.0), "goal": (3.0, 4.0), "heading": np.pi / 2})

@@ -84,6 +84,7 @@ class RobotState(NamedTuple):
     ramp: tuple[Command, Command, int]
     command: Command
     xy: Array
+    work: float
     surroundings: FollowingState
 
 
@@ -284,6 +285,8 @@ class SimulatedRobot:
         self._command = STOP
         self._ramp = STOP, STOP, 0
         self._xy = np.zeros(2)
+        self.work = 0.0
+        """Work [J] of the motors since the robot was put down; what a wheel gives back to its motor is lost."""
 
     @property
     def seconds(self) -> float:
@@ -330,18 +333,14 @@ class SimulatedRobot:
         """Angular speeds (wheels,) [rad/s], positive forwards."""
         return np.array(self.surroundings.data.qvel[6:])
 
-    @property
-    def power(self) -> float:
-        """Mechanical power [W] that the motors give to the wheels; what others give back to theirs is lost."""
-        return float(np.maximum(self.surroundings.data.actuator_force * self.wheel_speeds, 0.0).sum())
-
     def save(self) -> RobotState:
         """Return what ``restore`` needs to go on from here."""
-        return RobotState(self.steps, self._ramp, self._command, self._xy, self._following.save())
+        return RobotState(self.steps, self._ramp, self._command, self._xy, self.work, self._following.save())
 
     def restore(self, saved: RobotState) -> None:
         """Go on from where ``save`` was called."""
         self.steps, self._ramp, self._command, self._xy = saved.steps, saved.ramp, saved.command, saved.xy
+        self.work = saved.work
         self._following.restore(saved.surroundings)
 
     def spawn(self, start_xy: Array, ahead_xy: Array) -> Array:
@@ -356,6 +355,7 @@ class SimulatedRobot:
         )
         self.steps = -round(SETTLE_SECONDS / self._step_s)
         settled: Array = self.advance(STOP, -self.steps)[-1]
+        self.work = 0.0
         return settled
 
     @property
@@ -380,6 +380,7 @@ class SimulatedRobot:
         here, (begun, target, since) = self.surroundings, self._ramp
         model, data, contacts = here.model, here.data, here.contacts
         qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
+        force, turning_at, power = data.actuator_force, qvel[6:], 0.0
         commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * self._step_s, self._rig.robot)
         turning = _WHEELS + len(self._rig.wheels.names)
         states = np.empty((count, len(qpos) + len(qvel)))
@@ -390,9 +391,11 @@ class SimulatedRobot:
             contacts.update()
             mujoco.mj_step(model, data)
             self.steps += 1
+            power += np.maximum(force * turning_at, 0.0).sum()
             state[:7], state[7:turning], state[turning:] = qpos[:7], qvel, qpos[7:]
             if contacts.read():
                 self._monitor.touch(*here.touched(), self.seconds, state[:3])
+        self.work += float(power) * self._step_s
         if count:
             self._ramp, self._command, self._xy = (begun, target, since + count), Command(*commands[-1]), states[-1, :2]
         return states

@@ -97,7 +97,7 @@ class EpisodeRobot:
     """
 
     def __init__(self, world: World, rig: Rig, step_ns: int, steps: int) -> None:
-        self._rig, self._steps, self._period_s = rig, steps, steps * step_ns / 1e9
+        self._rig, self._steps = rig, steps
         self._watch = _Watch(world, rig.robot.mass)
         soil = SoilContact(world, rig.wheels, {}, step_ns / 1e9)
         self.physics = SimulatedRobot(world, rig, self._watch, soil, step_ns)
@@ -121,9 +121,8 @@ class EpisodeRobot:
     def drive(self, command: Command) -> Happened:
         """Drive towards a command for a step of control."""
         watch = self._watch
-        watch.hit, touches = 0.0, watch.touches
+        watch.hit, touches, work = 0.0, watch.touches, self.physics.work
         self.physics.advance(command, self._steps)
-        work = self.physics.power * self._period_s
         now = self._read()
         if np.isfinite(now.world_from_base).all():
             self.now = now
@@ -131,7 +130,7 @@ class EpisodeRobot:
             self._at, self._moved_s = self.now.xy.copy(), self.seconds
         elif self.seconds - self._moved_s >= STUCK_SECONDS - 1e-9:
             watch.cause = watch.cause or STUCK
-        return Happened(work, watch.hit, watch.touches - touches, watch.cause)
+        return Happened(self.physics.work - work, watch.hit, watch.touches - touches, watch.cause)
 
     def _read(self) -> Now:
         pose, wheels = self.physics.world_from_base, self.physics.wheel_speeds
