@@ -14,6 +14,7 @@ import pytest
 from drive_worlds import make_world, obstacle
 from gymnasium.utils.env_checker import check_env
 
+from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, RouteError, UnknownNameError
 from fieldtruth.learning.config import OBSERVATIONS
 from fieldtruth.world.model import Raster, World
@@ -254,6 +255,29 @@ def test_range_image_has_what_is_ahead_in_its_middle() -> None:
     assert classes[2, 90] != classes[15, 0]
     assert ranges[2, 0] == 0.0  # nothing behind
     assert ranges[15, 0] == pytest.approx(ranges[15, 179], abs=0.05)
+
+
+def test_image_shows_the_sky_above_and_what_is_left_of_the_way_on_the_left() -> None:
+    """A pinhole camera at the paper's left one, looking along x of base_link, shows a block's front and right side."""
+    from sense_worlds import at, box
+    from sense_worlds import make_world as world_with
+
+    block = world_with([(box("block", (0.5, 0.5, 0.5), "wood"), at(6.5, 2.0, 1.0))], side=60.0)
+    env = made("Explore", block, observation=("camera/photo", "camera/label"))
+    label = env.reset(seed=0, options={"start": (0.0, 0.0), "goal": (1.0, 0.0), "heading": 0.0})[0]["camera/label"]
+    x, y, z = 0.15, 0.06, 0.72 + 0.132  # [m]; base_link is 0.132 m above the ground
+    fx, fy = 48.0 / np.tan(np.radians(69.0 / 2.0)), 27.0 / np.tan(np.radians(42.0 / 2.0))
+    rows, columns = np.nonzero(label == Label.BENCH)
+    seen = [columns.min() - 0.5, columns.max() + 0.5, rows.min() - 0.5, rows.max() + 0.5]
+    known = [
+        fx * (y - 2.5) / (6.0 - x),
+        fx * (y - 1.5) / (7.0 - x),
+        fy * (z - 1.5) / (6.0 - x),
+        fy * (z - 0.5) / (6.0 - x),
+    ]
+    np.testing.assert_allclose(seen, np.add(known, [47.5, 47.5, 26.5, 26.5]), atol=0.6)
+    assert (label[:18] == Label.SKY).all()
+    assert (label[-20:] == Label.GROUND).all()
 
 
 @pytest.mark.parametrize(

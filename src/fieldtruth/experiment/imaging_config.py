@@ -198,6 +198,11 @@ class Imager(NamedTuple):
         return self.mount.base_from_sensor @ self.frame_from_optical
 
     @property
+    def base_from_view(self) -> Array:
+        """(4, 4) of the view's body frame (REP-103: x ahead, y left, z up), along whichever axis the mount looks."""
+        return self.base_from_optical @ transforms.inverse(OPTICAL)
+
+    @property
     def topics(self) -> dict[str, str]:
         """Topic by stream, in the order of the messages."""
         wanted = (key for key in STREAMS if key not in EXTRAS or getattr(self.config, key))

@@ -173,8 +173,7 @@ def view_pose(imager: Imager) -> tuple[float, ...]:
     """Pose in base_link (x, y, z [m], roll, pitch, yaw [rad]) of a camera whose x axis looks ahead, as Gazebo's do."""
     if np.array_equal(imager.frame_from_optical, OPTICAL):
         return mount_pose(imager.mount)
-    base_from_body = imager.base_from_optical @ transforms.inverse(OPTICAL)
-    return (*imager.mount.xyz, *np.round(_rpy(base_from_body), 15).tolist())
+    return (*imager.mount.xyz, *np.round(_rpy(imager.base_from_view), 15).tolist())
 
 
 def mount_pose(mount: Mount) -> tuple[float, ...]:

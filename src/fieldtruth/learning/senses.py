@@ -12,9 +12,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from fieldtruth.core import readings
+from fieldtruth.core import readings, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.traversability import CELL, obstacle_height
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig, Topic
 from fieldtruth.kernels.height_maps import crop_heights, raise_to_points
@@ -57,26 +58,32 @@ class Rigs(NamedTuple):
 def rigs_of(rig: Rig, changed: SensorValues) -> Rigs:
     """Return the rigs of a robot; ``changed`` are values of the small sensors.
 
-    They are where the rig has its own, or above the middle of the robot.
+    They are where the rig has its own, the small camera at the first view, or above the middle of the robot.
 
     Raises:
         ConfigurationError: a value that is not allowed.
     """
-    above = {"xyz": [0.0, 0.0, rig.robot.chassis_top + 0.3]}
-    sensors = []
-    for base, kind, own_values in (
-        (_SCAN, readings.Cloud, changed.lidar),
-        (_VIEW, readings.Image, changed.camera),
-    ):
-        own = rig.giving(kind)
-        mount = own[0].mount.model_dump() if own else above
-        sensors.append({**base, "mount": mount, **own_values})
+    above = Mount(xyz=(0.0, 0.0, rig.robot.chassis_top + 0.3))
+    scanners = rig.giving(readings.Cloud)
+    scanner = scanners[0].mount if scanners else above
+    view = _mount_of(rig.imagers[0].base_from_view) if rig.imagers else above
+    sensors = [
+        {**base, "mount": mount.model_dump(), **own_values}
+        for base, mount, own_values in ((_SCAN, scanner, changed.lidar), (_VIEW, view, changed.camera))
+    ]
     robot = rig.robot.model_dump()
 
     def made(each: list[dict[str, Any]], *, visible: bool) -> Rig:
         return experiment_of(rig={"robot": robot, "sensors": each, "visible": visible}).rig
 
     return Rigs(made(sensors, visible=rig.visible), made([dict(_BEHIND)], visible=True))
+
+
+def _mount_of(base_from_view: Array) -> Mount:
+    """Mount of a camera that looks along its x axis: of the paper's pair, z looks ahead."""
+    x, y, z = base_from_view[:3, 3].tolist()
+    roll, pitch, yaw = np.round(transforms.rpy_deg_from_rotation(base_from_view[:3, :3]), 9).tolist()
+    return Mount(xyz=(x, y, z), rpy_deg=(roll, pitch, yaw))
 
 
 def _box(limits: list[float]) -> spaces.Box:
