@@ -109,7 +109,7 @@ def start(campaign: Path, out: Path) -> "subprocess.Popen[str]":
 @pytest.mark.slow
 def test_kills_at_random_moments_leave_the_bytes_of_an_undisturbed_campaign(tmp_path: Path) -> None:
     file = tmp_path / "campaign.yaml"
-    file.write_text(dump_campaign(with_tiny_cameras(park(1.2, 3))))
+    file.write_text(dump_campaign(with_tiny_cameras(park(0.8, 2))))
     whole = start(file, tmp_path / "whole")
     begun = time.monotonic()
     assert whole.wait() == 0, whole.communicate()[0]
@@ -140,7 +140,7 @@ def test_kills_at_random_moments_leave_the_bytes_of_an_undisturbed_campaign(tmp_
 
 @pytest.mark.slow
 def test_an_estimate_of_bytes_is_near_the_truth(tmp_path: Path) -> None:
-    planned = with_changes(park(6.0), seconds=4.0)
+    planned = with_changes(park(3.0), seconds=2.0)
     runs = draw(planned)
     expected = estimate(runs, tmp_path / "out", jobs=1, workers=1, progress=Silent())
     assert list((tmp_path / "out").glob("*")) == []  # there is no such folder if the figures were cached

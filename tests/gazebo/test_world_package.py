@@ -358,12 +358,15 @@ def test_libsdformat_would_find_an_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("environment", "flavours"), [("lake", ("classic", "gz")), ("forest", ("gz",))])
+@pytest.mark.parametrize(
+    ("environment", "flavours", "layout"),
+    [("lake", ("classic",), {}), ("forest", ("gz",), {"size": (50.0, 30.0)})],
+)
 def test_packages_of_the_environments_are_valid_and_small(
-    environment: str, flavours: tuple[Flavour, ...], tmp_path: Path
+    environment: str, flavours: tuple[Flavour, ...], layout: dict[str, Any], tmp_path: Path
 ) -> None:
-    """The lake has most kinds of things, water, poles and cables among them; the forest is the largest."""
-    world = load_world(environment, 0, DEFAULT_LAYOUT)
+    """The lake has most kinds of things, water, poles and cables among them; the forest is the densest."""
+    world = load_world(environment, 0, DEFAULT_LAYOUT | layout)
     for flavour in flavours:
         write_gazebo(world, tmp_path / "out" / flavour, flavour=flavour, beyond=False)
         package = tmp_path / "out" / flavour

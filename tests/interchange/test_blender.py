@@ -46,10 +46,9 @@ class Case(NamedTuple):
 
 CASES: Final = (
     Case("park_1", 55.0, "gltf-plain", 640, 360),
-    Case("lake_1", 40.0, "gltf", 640, 360),
     Case("forest_1", 40.0, "gltf", 640, 360),
 )
-"""The park in parts, as it is without instances; water, and a forest, whose twigs and needles are the finest."""
+"""The park in parts, as it is without instances; and a forest, whose twigs and needles are the finest."""
 
 FINE: Final = 4
 

@@ -24,7 +24,7 @@ from fieldtruth.sense.embree import native_packet
 from fieldtruth.validation.runner import validate
 
 TAG = LEFT.topic_of("tag")
-LARGE = LEFT.config.height, LEFT.config.width
+LARGE = 540, 960
 ELSEWHERE = this_process() | {"packet width": "1", "Numba's processor": "abacus"}
 needs_another = pytest.mark.skipif(not other_processor.INTEL, reason="Embree has one instruction set on this processor")
 
@@ -174,7 +174,7 @@ the last digits decide what a ray meets; without land beyond, every leaf belongs
 def short() -> Experiment:
     """Some clouds and two large images of each camera: these differ between processors, small ones of few do."""
     values = load_experiment("forest_1").model_dump() | FOREST | {"seconds": 0.4}
-    values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True}
+    values["rig"]["cameras"] = {"rate_hz": 5.0, "instances": True, "width": 960, "height": 540}
     return Experiment.model_validate(values)
 
 
