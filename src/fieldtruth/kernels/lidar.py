@@ -5,7 +5,7 @@
 See ``sensors.lidar.sensing`` for the rays that stand for a beam, and how their echoes merge.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,21 +13,32 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, Packet, classify, hit_top, read_grid, set_ray
+from fieldtruth.kernels.packets import (
+    TERRAIN,
+    Grid,
+    HitTable,
+    Packet,
+    SceneRays,
+    classify,
+    hit_top,
+    read_grid,
+    set_ray,
+    trace_packet,
+)
 
 _LANES, _WIDTH, _HEIGHT = packets.LANES, packets.LANES // 4, 4
 TILE_COLUMNS: Final = _WIDTH
 """Columns whose rays share packets."""
 _OX, _OY, _OZ, _DX, _DY, _DZ = packets.ORG_X, packets.ORG_Y, packets.ORG_Z, packets.DIR_X, packets.DIR_Y, packets.DIR_Z
-_FAR, _PRIM, _GEOM, _INST, _INST_PRIM = (
+_FAR, _TIME, _PRIM, _GEOM, _INST, _INST_PRIM = (
     packets.TFAR,
+    packets.TIME,
     packets.PRIM_ID,
     packets.GEOM_ID,
     packets.INST_ID,
     packets.INST_PRIM_ID,
 )
 _MISS = np.uint32(packets.MISS)
-_intersect: Any = packets.intersect
 
 
 class Scan(NamedTuple):
@@ -49,7 +60,8 @@ class Scan(NamedTuple):
 class Beams(NamedTuple):
     """Unit directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,).
 
-    ``lag`` (rings,) is the share of a column's time after which a ring fires.
+    ``lag`` (rings,) is the share of a column's time after which a ring fires. ``time`` (columns + 1,) is the time,
+    see ``packets.SceneRays``, at which each column begins and the last one ends.
     """
 
     directions: Array
@@ -57,6 +69,7 @@ class Beams(NamedTuple):
     min_range: float
     max_range: float
     returns: Mask
+    time: Array
 
 
 @inlined
@@ -198,6 +211,7 @@ class SubRays(NamedTuple):
     packets: tuple[Packet, Packet]  # of the middles, and of the other rays
     origin: Array  # (LANES * rays, 3); see _slot for the rows, which those below have, too
     direction: Array  # (LANES * rays, 3) in the world
+    time: Array  # (LANES * rays,)
     range_m: Array  # (LANES * rays,) 0 for none
     clear: Array  # (LANES * rays,) [m] up to which nothing is there
     power: Array  # of a matt white surface at 1 m that faces the LiDAR: 1; first of all its brightness
@@ -216,6 +230,7 @@ def _slot(beam: int, number: int, count: int) -> int:
 def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, first_ring: int) -> None:
     """Origins and directions in the world of the rays of a tile; ray 0 of a beam is its own to the last bit."""
     origin, direction, offset, directions, lag = rays.origin, rays.direction, rays.offset, beams.directions, beams.lag
+    times, time = beams.time, rays.time
     columns, rings, count = directions.shape[0], directions.shape[1], offset.shape[1]
     for beam in range(_LANES):
         column, ring = min(first_column + beam % _WIDTH, columns - 1), min(first_ring + beam // _WIDTH, rings - 1)
@@ -229,6 +244,7 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
         a, b, c = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
         origin[beam, 0], origin[beam, 1], origin[beam, 2] = x, y, z
         direction[beam, 0], direction[beam, 1], direction[beam, 2] = dx, dy, dz
+        time[beam] = times[column] + share * (times[column + 1] - times[column])
         if count == 1:
             continue
         flat = np.sqrt(a * a + b * b)
@@ -239,6 +255,7 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
             slot = _slot(beam, number, count)
             across, up = offset[turn, number, 0], offset[turn, number, 1]
             origin[slot, 0], origin[slot, 1], origin[slot, 2] = x, y, z
+            time[slot] = time[beam]
             direction[slot, 0] = (dx + across * ex + up * ux) * rays.scale
             direction[slot, 1] = (dy + across * ey + up * uy) * rays.scale
             direction[slot, 2] = (dz + across * ez + up * uz) * rays.scale
@@ -255,7 +272,7 @@ def _rotated(poses: Array, column: int, share: float, a: float, b: float, c: flo
 
 @kernel
 def trace_echoes(
-    scene: np.uint64,
+    scene: SceneRays,
     hits: HitTable,
     surfaces: SurfaceTable | None,
     poses: Array,
@@ -301,7 +318,7 @@ def trace_echoes(
 
 @inlined
 def _trace(
-    scene: np.uint64,
+    scene: SceneRays,
     hits: HitTable,
     surfaces: SurfaceTable | None,
     packet: Packet,
@@ -310,7 +327,7 @@ def _trace(
     first: int,
 ) -> None:
     """Trace the rays of a tile from row ``first`` on, as many as a packet has; what is not valid meets nothing."""
-    ray, words, valid, arguments = packet
+    ray, words, valid, _ = packet
     origin, direction, tops, returns = rays.origin, rays.direction, hits.geometry_top, beams.returns
     range_m, power, label, instance = rays.range_m, rays.power, rays.label, rays.instance
     for lane in range(_LANES):
@@ -318,9 +335,9 @@ def _trace(
         ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = origin[slot, 0], origin[slot, 1], origin[slot, 2]
         ray[_DX + lane], ray[_DY + lane] = direction[slot, 0], direction[slot, 1]
         ray[_DZ + lane] = direction[slot, 2]
-        ray[_FAR + lane] = beams.max_range
+        ray[_FAR + lane], ray[_TIME + lane] = beams.max_range, rays.time[slot]
         words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
-    _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
+    trace_packet(scene, packet)
     for lane in range(_LANES):
         slot = first + lane
         range_m[slot] = 0.0

@@ -85,6 +85,8 @@ intersect = types.ExternalFunction(f"rtcIntersect{LANES}", _TRACE)
 """Call from a kernel: (valid, scene, rayhit, arguments); valid is LANES int32 of -1 or 0; all 64-byte aligned."""
 occluded = types.ExternalFunction(f"rtcOccluded{LANES}", _TRACE)
 """Call from a kernel as ``intersect``; reads the 12 ray fields only; TFAR of an occluded lane becomes -inf."""
+_intersect: Any = intersect
+_occluded: Any = occluded
 
 
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
@@ -131,11 +133,11 @@ def new_packet(*, coherent: bool) -> Packet:
 
 @inlined
 def set_ray(packet: Packet, lane: int, origin: Vector, direction: Vector, near: float, far: float) -> None:
-    """Put a ray into a lane: origin [m], unit direction, least and greatest distance [m] of a hit."""
+    """Put a ray into a lane: origin [m], unit direction, least and greatest distance [m] of a hit. Its time stays."""
     ray, words = packet.ray, packet.words
     ray[ORG_X + lane], ray[ORG_Y + lane], ray[ORG_Z + lane] = origin
     ray[DIR_X + lane], ray[DIR_Y + lane], ray[DIR_Z + lane] = direction
-    ray[TNEAR + lane], ray[TFAR + lane], ray[TIME + lane] = near, far, 0.0
+    ray[TNEAR + lane], ray[TFAR + lane] = near, far
     words[MASK + lane], words[ID + lane], words[FLAGS + lane] = MISS, 0, 0
     words[GEOM_ID + lane], words[INST_ID + lane], words[INST_PRIM_ID + lane] = MISS, MISS, MISS
     packet.valid[lane] = -1
@@ -146,6 +148,76 @@ def set_shadow_ray(packet: Packet, lane: int, origin: Vector, direction: Vector,
     """Put a ray into a lane as ``set_ray`` does; it passes through water, as light does."""
     set_ray(packet, lane, origin, direction, near, far)
     packet.words[MASK + lane] = SHADOWS
+
+
+class SceneRays(NamedTuple):
+    """What rays meet: the scene that stands still, and bodies that move in the interval of a reading.
+
+    The time of a ray is its share of the interval. Instances of bodies have the first numbers of all geometries.
+    """
+
+    still: np.uint64  # handle of the Embree scene
+    moving: np.uint64  # of that of the bodies; 0: none
+    axes: Float32Array  # (knots, bodies, 3, 3) rotation times scale of world_from_body, evenly over the interval
+
+
+NO_BODIES: Final = np.zeros((1, 0, 3, 3), np.float32)
+"""Axes without bodies."""
+
+
+@inlined
+def set_time(packet: Packet, time: float) -> None:
+    """Set the time of all rays of a packet."""
+    for lane in range(LANES):
+        packet.ray[TIME + lane] = time
+
+
+@inlined
+def _between(axes: Float32Array, rows: tuple[int, int, int, np.float32], i: int, j: int) -> np.float32:
+    """Entry of a body's axes between two knots."""
+    low, high, body, share = rows
+    begin = axes[low, body, i, j]
+    return begin + share * (axes[high, body, i, j] - begin)  # type: ignore[no-any-return]
+
+
+@inlined
+def body_normal(axes: Float32Array, body: int, time: float, normal: Vector) -> Vector:
+    """Turn a normal of a body into the world at a time: it stays perpendicular to edges, as the body's matrix moves."""
+    last = axes.shape[0] - 1
+    k = min(int(time * last), max(last - 1, 0))
+    rows = k, min(k + 1, last), body, np.float32(time * last - k)
+    m00, m01, m02 = _between(axes, rows, 0, 0), _between(axes, rows, 0, 1), _between(axes, rows, 0, 2)
+    m10, m11, m12 = _between(axes, rows, 1, 0), _between(axes, rows, 1, 1), _between(axes, rows, 1, 2)
+    m20, m21, m22 = _between(axes, rows, 2, 0), _between(axes, rows, 2, 1), _between(axes, rows, 2, 2)
+    x, y, z = normal
+    return (
+        (m11 * m22 - m12 * m21) * x + (m12 * m20 - m10 * m22) * y + (m10 * m21 - m11 * m20) * z,
+        (m02 * m21 - m01 * m22) * x + (m00 * m22 - m02 * m20) * y + (m01 * m20 - m00 * m21) * z,
+        (m01 * m12 - m02 * m11) * x + (m02 * m10 - m00 * m12) * y + (m00 * m11 - m01 * m10) * z,
+    )
+
+
+@inlined
+def trace_packet(scene: SceneRays, packet: Packet) -> None:
+    """Find the first hits of a packet. Normals of bodies are in the world, others in the frame of their object."""
+    ray, words, valid, arguments = packet
+    _intersect(valid.ctypes, scene.still, ray.ctypes, arguments.ctypes)
+    if scene.moving == np.uint64(0):
+        return
+    _intersect(valid.ctypes, scene.moving, ray.ctypes, arguments.ctypes)
+    for lane in range(LANES):
+        if valid[lane] != 0 and words[GEOM_ID + lane] != MISS and words[INST_ID + lane] < scene.axes.shape[1]:
+            normal = ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane]
+            body, time = int(words[INST_ID + lane]), float(ray[TIME + lane])
+            ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane] = body_normal(scene.axes, body, time, normal)
+
+
+@inlined
+def block_packet(scene: SceneRays, packet: Packet) -> None:
+    """Find which rays of a packet anything blocks: their TFAR becomes -inf."""
+    _occluded(packet.valid.ctypes, scene.still, packet.ray.ctypes, packet.arguments.ctypes)
+    if scene.moving != np.uint64(0):
+        _occluded(packet.valid.ctypes, scene.moving, packet.ray.ctypes, packet.arguments.ctypes)
 
 
 TERRAIN: Final = 0
@@ -165,7 +237,8 @@ class Grid(NamedTuple):
 class HitTable(NamedTuple):
     """Class and instance id of every triangle.
 
-    A top-level geometry is the terrain (row 0), the backdrop if there is one, or one instance of a mesh.
+    A top-level geometry is the terrain (row 0), the backdrop if there is one, one instance of a mesh, or a body that
+    moves: those are the last rows, with axes that are the world's.
     """
 
     geometry_top: NDArray[np.int32]  # (geometries of the Embree scene,) row of the top-level geometry it belongs to

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.errors import EngineError
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.compile import compiler_target
-from fieldtruth.kernels.packets import LANES, MISS, SOLID
+from fieldtruth.kernels.packets import LANES, MISS, NO_BODIES, SOLID, SceneRays
 
 VERSION: Final = 40400
 _TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121
@@ -43,10 +43,11 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcReleaseGeometry": (None, (c.c_void_p,)),
     "rtcSetNewGeometryBuffer": (c.c_void_p, (c.c_void_p, c.c_int, c.c_uint, c.c_int, c.c_size_t, c.c_size_t)),
     "rtcSetGeometryInstancedScene": (None, (c.c_void_p, c.c_void_p)),
+    "rtcSetGeometryTimeStepCount": (None, (c.c_void_p, c.c_uint)),
     "rtcSetGeometryTransform": (None, (c.c_void_p, c.c_uint, c.c_int, c.c_void_p)),
     "rtcSetGeometryMask": (None, (c.c_void_p, c.c_uint)),
     "rtcCommitGeometry": (None, (c.c_void_p,)),
-    "rtcAttachGeometry": (c.c_uint, (c.c_void_p, c.c_void_p)),
+    "rtcAttachGeometryByID": (None, (c.c_void_p, c.c_void_p, c.c_uint)),
 }
 
 
@@ -126,10 +127,14 @@ class Engine:
 
 
 class RayScene:
-    """Triangle meshes, grids and instances of other scenes; kernels trace its ``handle``."""
+    """Triangle meshes, grids and instances of other scenes; kernels trace its ``handle``.
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    Geometries are numbered in their order, from ``first`` on. (A scene takes memory and time for all numbers below.)
+    """
+
+    def __init__(self, engine: Engine, first: int = 0) -> None:
+        self.engine = engine
+        self._next = first
         self._api = engine._api
         self._kept: list[RayScene] = []  # instanced scenes must outlive their instances
         self._pointer = self._api.rtcNewScene(engine.device)
@@ -141,9 +146,14 @@ class RayScene:
         """Address of the scene."""
         return np.uint64(self._pointer)
 
+    @property
+    def alone(self) -> SceneRays:
+        """The scene without bodies that move."""
+        return SceneRays(self.handle, np.uint64(0), NO_BODIES)
+
     def add_mesh(self, vertices: ArrayLike, faces: ArrayLike) -> int:
         """Attach triangles: vertices (v, 3) [m], faces (f, 3); those of MISS are left out. Returns the geometry id."""
-        geometry = self._api.rtcNewGeometry(self._engine.device, _TRIANGLES)
+        geometry = self._api.rtcNewGeometry(self.engine.device, _TRIANGLES)
         self._set_buffer(geometry, _VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32))
         self._set_buffer(geometry, _INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32))
         return self._attach(geometry)
@@ -161,38 +171,50 @@ class RayScene:
         grids["start"], grids["stride"] = i[:, None] * ny + j, ny
         grids["width"] = np.minimum(_GRID_NODES, ny - j)
         grids["height"] = np.minimum(_GRID_NODES, nx - i)[:, None]
-        geometry = self._api.rtcNewGeometry(self._engine.device, _GRIDS)
+        geometry = self._api.rtcNewGeometry(self.engine.device, _GRIDS)
         self._set_buffer(geometry, _VERTEX, _FLOAT3, points.reshape(-1, 3))
         self._set_buffer(geometry, _GRID, _GRID_FORMAT, grids.ravel())
         return self._attach(geometry)
 
-    def add_instance(self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID) -> int:
-        """Attach a committed scene at a pose (4, 4), visible to rays whose mask includes ``mask``. Returns its id."""
-        geometry = self._api.rtcNewGeometry(self._engine.device, _INSTANCE)
+    def add_instance(
+        self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID, number: int | None = None
+    ) -> int:
+        """Attach a committed scene, visible to rays whose mask includes ``mask``, as the next or a given geometry.
+
+        It is at a pose (4, 4), or at poses (k, 4, 4) evenly from time 0 to time 1, between which the matrix changes
+        linearly. Returns its id.
+        """
+        geometry = self._api.rtcNewGeometry(self.engine.device, _INSTANCE)
         self._api.rtcSetGeometryInstancedScene(geometry, scene._pointer)
-        columns = np.ascontiguousarray(this_from_scene[:3].T, np.float32)
-        self._api.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_COLUMN_MAJOR, columns.ctypes.data)
+        poses = this_from_scene.reshape(-1, 4, 4)
+        columns = np.ascontiguousarray(poses[:, :3].transpose(0, 2, 1), np.float32)
+        if len(columns) > 1:
+            self._api.rtcSetGeometryTimeStepCount(geometry, len(columns))
+        for step, at in enumerate(range(columns.ctypes.data, columns.ctypes.data + columns.nbytes, columns[0].nbytes)):
+            self._api.rtcSetGeometryTransform(geometry, step, _FLOAT3X4_COLUMN_MAJOR, at)
         self._api.rtcSetGeometryMask(geometry, mask)
         self._kept.append(scene)
-        return self._attach(geometry)
+        return self._attach(geometry, number)
 
     def commit(self) -> Self:
         """Build the hierarchy; afterwards the scene can be traced or instanced."""
         self._api.rtcCommitScene(self._pointer)
-        self._engine.check()
+        self.engine.check()
         return self
 
     def _set_buffer(self, geometry: int, kind: int, layout: int, data: NDArray[Any]) -> None:
         """Copy elements of 12 bytes into a buffer of Embree's own, which is long enough to read 16 at the last one."""
         buffer = self._api.rtcSetNewGeometryBuffer(geometry, kind, 0, layout, 12, len(data))
-        self._engine.check()
+        self.engine.check()
         c.memmove(buffer, data.ctypes.data, data.nbytes)
 
-    def _attach(self, geometry: int) -> int:
+    def _attach(self, geometry: int, number: int | None = None) -> int:
+        identity = self._next if number is None else number
+        self._next = identity + 1
         self._api.rtcCommitGeometry(geometry)
-        identity = int(self._api.rtcAttachGeometry(self._pointer, geometry))
+        self._api.rtcAttachGeometryByID(self._pointer, geometry, identity)
         self._api.rtcReleaseGeometry(geometry)
-        self._engine.check()
+        self.engine.check()
         return identity
 
     def __del__(self) -> None:

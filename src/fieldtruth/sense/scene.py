@@ -9,7 +9,8 @@ of them are traced side by side by threads.
 """
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from functools import cached_property
 from typing import Any, Final, Literal, NamedTuple
 
@@ -23,6 +24,7 @@ from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.moving import Interval, MovingBody, Traced, check_bodies, interval_of
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
 BLOCK: Final = 1 << 16
@@ -47,20 +49,23 @@ class Scene:
     ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``top_levels``
     that a geometry belongs to, and class and instance id of a hit.
 
+    Bodies that move have rows in all tables, after those of what stands still, but no geometry in ``rays``: sensors ask
+    ``interval`` for where they are. ``still`` is the scene without these rows, ``cast`` and ``occluded`` see it alone.
+
     Raises:
-        ConfigurationError: the world is of another type.
+        ConfigurationError: the world is of another type, or a body has a mesh that it cannot have.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, bodies: Sequence[MovingBody] = ()) -> None:
         given_world(world, None)
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
         self.top_levels = list(_top_levels(world))
-        self.rays = RayScene(self.engine)
+        self.rays = RayScene(self.engine, len(bodies))
         parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
         masks = {mesh.name: _mask(world, mesh) for mesh in self.meshes}
-        geometry_top = []
+        geometry_top = [len(self.top_levels) + row for row in range(len(bodies))]
         for row, (mesh, pose, *_) in enumerate(self.top_levels):
             if mesh is None:
                 if world.terrain.visible:
@@ -72,6 +77,31 @@ class Scene:
                 geometry_top.append(row)
         self.rays.commit()
         self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
+        self.still, self.moving = self, list[Traced]()
+        if bodies:
+            self.still = copy(self)
+            check_bodies(bodies, world, self.meshes)
+            own = {body.mesh.name: body.mesh for body in bodies}
+            known = {mesh.name for mesh in self.meshes}
+            self.meshes = [*self.meshes, *(mesh for name, mesh in own.items() if name not in known)]
+            self.top_levels = [
+                *self.top_levels,
+                *(TopLevel(each.mesh, np.eye(4), each.object_id, each.tint) for each in bodies),
+            ]
+            self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
+            scenes = {name: self.mesh_rays(mesh) for name, mesh in own.items()}
+            radius = {name: float(np.linalg.norm(mesh.vertices, axis=1).max()) for name, mesh in own.items()}
+            self.moving = [Traced(each, scenes[each.mesh.name], radius[each.mesh.name]) for each in bodies]
+
+    def interval(self, begin_ns: int, end_ns: int, centre: Array, reach: float) -> Interval:
+        """Return what moves from one stamp [ns] to another, within a reach [m] of a position (3,).
+
+        Raises:
+            ConfigurationError: bodies move, and the interval is too long.
+        """
+        if not self.moving:
+            return Interval(self.rays.alone, begin_ns, 0)
+        return interval_of(self.rays, self.moving, (begin_ns, end_ns), (centre, reach))
 
     @property
     def materials(self) -> tuple[str, ...]:

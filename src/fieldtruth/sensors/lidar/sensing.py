@@ -42,8 +42,9 @@ from fieldtruth.kernels.lidar import (
     trace_echoes,
 )
 from fieldtruth.kernels.lidar_noise import Reading, add_weather, measure
-from fieldtruth.kernels.packets import LANES, Grid, new_packet
+from fieldtruth.kernels.packets import LANES, Grid, SceneRays, new_packet
 from fieldtruth.sense.air import LIGHT_SPEED, Beam, make_air
+from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotScan
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
@@ -341,6 +342,7 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
         packets=(new_packet(coherent=False), new_packet(coherent=True)),  # the first 12 % faster in the park
         origin=np.zeros((memory, 3)),
         direction=np.zeros((memory, 3)),
+        time=np.zeros(memory),
         range_m=np.zeros(memory),
         clear=np.zeros(memory),
         power=np.zeros(memory),
@@ -382,7 +384,8 @@ class IdealLidar:
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        self._beams = Beams(ray_directions(config), ring_lag(config), config.min_range, config.max_range, returns)
+        directions, time = ray_directions(config), np.zeros(config.columns + 1)
+        self._beams = Beams(directions, ring_lag(config), config.min_range, config.max_range, returns, time)
         self._rays = self._middle = sub_rays_of(LidarSignal())
         self.workers = 1
         """Threads that trace a scan together; they change no bit of it."""
@@ -397,7 +400,7 @@ class IdealLidar:
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
         begins have a pose between its pose and the next one, interpolated linearly. The stamp matters to a LiDAR with
-        a ``pattern`` only, and the number of the scan to one with a signal.
+        a ``pattern`` and where bodies move, and the number of the scan to one with a signal.
 
         Raises:
             ValueError: another number of poses.
@@ -422,14 +425,15 @@ class IdealLidar:
         if moving and len(world_from_lidar) != config.columns + 1:
             raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
-        self._trace_columns(poses)
+        interval = self._interval(poses, stamp_ns, moving)
+        self._trace_columns(interval.rays, poses)
         if self._robot is not None:
-            self._echo_of_robot(self._robot, poses)
+            self._echo_of_robot(self._robot, poses, interval)
         return Traced(poses, moving)
 
-    def _trace_columns(self, poses: Array) -> None:
+    def _trace_columns(self, scene: SceneRays, poses: Array) -> None:
         """Fill the buffers of echoes, each thread a span of columns."""
-        scene, hits, columns = self.scene.rays.handle, self.scene.hits, self.config.columns
+        hits, columns = self.scene.hits, self.config.columns
         tiles = -(-columns // TILE_COLUMNS)
         bounds = [min(tiles * k // self.workers * TILE_COLUMNS, columns) for k in range(self.workers + 1)]
         while len(self._others) < self.workers - 1:
@@ -442,9 +446,19 @@ class IdealLidar:
         for _ in in_order(works, trace, self.workers) if self.workers > 1 else map(trace, works):
             pass
 
-    def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
+    def _interval(self, poses: Array, stamp_ns: int, moving: bool) -> Interval:
+        """Return what moves during a scan from poses, and set the times of the beams."""
+        if not self.scene.moving:
+            return self.scene.interval(stamp_ns, stamp_ns, poses[0, :3, 3], 0.0)
+        stamps = stamp_ns + sweep_times_ns(self.config) * moving
+        reach = self.config.max_range + float(np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1).max())
+        interval = self.scene.interval(int(stamps[0]), int(stamps[-1]), poses[0, :3, 3], reach)
+        self._beams = self._beams._replace(time=interval.share(stamps))
+        return interval
+
+    def _echo_of_robot(self, robot: RobotScan, poses: Array, interval: Interval) -> None:
         """Put the robot's echoes instead of those of what it hides; what is too near makes none."""
-        seen, echoes = self._robot_before(robot, poses), self._echoes
+        seen, echoes = self._robot_before(robot, poses, interval), self._echoes
         beam = slice(None), robot.column[seen], robot.ring[seen]
         echoes.depth[beam], echoes.mixed[beam] = 0.0, False
         first, range_m = (0, *beam[1:]), robot.range_m[seen]
@@ -453,18 +467,20 @@ class IdealLidar:
         echoes.label[first], echoes.instance[first] = int(Label.ROBOT), ROBOT_ID
         echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
-    def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
+    def _robot_before(self, robot: RobotScan, poses: Array, interval: Interval) -> Mask:
         """Return whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
         if self.config.pattern is not None:
             robot.aim(self._beams.directions)
         column, ring, range_m = robot.column, robot.ring, robot.range_m
         if not len(column):
             return np.zeros(0, np.bool_)
-        own = poses[column] + self._beams.lag[ring][:, None, None] * (poses[column + 1] - poses[column])
+        lag, time = self._beams.lag[ring], self._beams.time
+        own = poses[column] + lag[:, None, None] * (poses[column + 1] - poses[column])
+        times = np.append(time[column] + lag * (time[column + 1] - time[column]), 0.0)
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
-        beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
+        beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_), times)
         before = echo_buffers(1, len(column), 1)
-        trace_echoes(self.scene.rays.handle, self.scene.hits, None, own, beams, self._middle, (0, len(column)), before)
+        trace_echoes(interval.rays, self.scene.hits, None, own, beams, self._middle, (0, len(column)), before)
         world_m = before.depth[0, :, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
 

@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies that move: where each is in the interval of a reading, as the ray tracer takes it.
+
+The motion is defined by poses at knots, every KNOT_NS of simulated time. Between two knots the matrix of the pose
+changes linearly, and with it each vertex moves on a straight line. All sensors and the second tracer have this one
+motion, so that each ray meets a body where it is at the ray's own instant, whatever else is recorded and in which
+order. A turning body shrinks between two knots by an eighth of the square of the angle between them: 0.3 mm of a
+radius of 1 m at 5 rad/s. A body with joints is one body for each rigid part, all with one instance id.
+
+Motion is that of instances, and not of vertices: Embree builds 20 bodies of 2000 triangles with 12 knots each in 1.4 ms
+as instances, and in 640 ms as triangles with motion blur (measured).
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.kernels.packets import SceneRays
+from fieldtruth.sense.embree import RayScene
+from fieldtruth.world.model import Mesh, World
+
+KNOT_NS: Final = 10_000_000
+"""Time [ns] between two knots."""
+MOST_KNOTS: Final = 129
+"""Knots of a reading's interval at most (Embree's RTC_MAX_TIME_STEP_COUNT): 1.27 s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingBody:
+    """A rigid body, or a rigid part of one. Bodies of one ``object_id`` are parts of one object.
+
+    ``pose`` gives world_from_body (n, 4, 4), rotation and translation [m], at knots (n,) [ns], multiples of KNOT_NS; it
+    is asked for those up to one after the end of the last reading. The mesh's materials are those of the world, and
+    neither leaves nor water.
+    """
+
+    name: str
+    object_id: int
+    mesh: Mesh
+    pose: Callable[[NDArray[np.int64]], Array]
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def at(self, stamps_ns: ArrayLike) -> Array:
+        """Matrices (n, 4, 4) world_from_body at stamps (n,) [ns]."""
+        low, rest = np.divmod(np.asarray(stamps_ns, np.int64).ravel(), KNOT_NS)
+        poses = self.pose(low * KNOT_NS)
+        if rest.any():
+            poses = poses + (rest / KNOT_NS)[:, None, None] * (self.pose((low + (rest > 0)) * KNOT_NS) - poses)
+        return poses
+
+
+class Traced(NamedTuple):
+    """A body in the ray tracer: the scene of its mesh, and the greatest distance [m] of a vertex from its origin."""
+
+    body: MovingBody
+    rays: RayScene
+    radius: float
+
+
+class Interval(NamedTuple):
+    """Bodies in the interval of a reading, from ``begin_ns`` on. ``kept`` is the scene that ``rays`` names."""
+
+    rays: SceneRays
+    begin_ns: int
+    span_ns: int
+    kept: RayScene | None = None
+
+    def share(self, stamps_ns: ArrayLike) -> Array:
+        """Times of rays that leave at stamps [ns] of any shape."""
+        since = np.asarray(stamps_ns) - self.begin_ns
+        return since / self.span_ns if self.span_ns else np.zeros(since.shape)
+
+
+def interval_of(
+    still: RayScene, bodies: Sequence[Traced], span: tuple[int, int], near: tuple[Array, float]
+) -> Interval:
+    """Return the bodies, beside what stands still, from one stamp [ns] to another.
+
+    Those are left out that are farther than a reach [m] from a sensor's position (3,).
+
+    Raises:
+        ConfigurationError: the interval has more than MOST_KNOTS.
+    """
+    begin, end = span
+    stamps = np.array([begin])
+    if end > begin:
+        stamps = np.arange(begin // KNOT_NS, -(-end // KNOT_NS) + 1) * KNOT_NS
+    if len(stamps) > MOST_KNOTS:
+        most = (MOST_KNOTS - 2) * KNOT_NS / 1e9
+        raise ConfigurationError(f"among bodies that move, a reading must take at most {most} s, got {end - begin} ns")
+    moving, (centre, reach) = RayScene(still.engine), near
+    axes = np.zeros((len(stamps), len(bodies), 3, 3), np.float32)
+    for number, (body, rays, radius) in enumerate(bodies):
+        poses = body.at(stamps)
+        if np.linalg.norm(poses[:, :3, 3] - centre, axis=1).min() < reach + radius:
+            axes[:, number] = poses[:, :3, :3]
+            moving.add_instance(rays, poses, number=number)
+    if not axes.any():
+        return Interval(still.alone, begin, 0)
+    moving.commit()
+    found = SceneRays(still.handle, moving.handle, axes)
+    return Interval(found, int(stamps[0]), int(stamps[-1] - stamps[0]), moving)
+
+
+def check_bodies(bodies: Sequence[MovingBody], world: World, meshes: Iterable[Mesh]) -> None:
+    """Check the meshes of bodies against the materials of a world and its other meshes.
+
+    Raises:
+        ConfigurationError: another mesh has the name of one, or it has a material that bodies cannot have.
+    """
+    known, materials = {mesh.name: mesh for mesh in meshes}, world.materials
+    for body in bodies:
+        mesh = body.mesh
+        if known.setdefault(mesh.name, mesh) is not mesh:
+            raise ConfigurationError(f"body {body.name}: another mesh has the name {mesh.name!r} already")
+        for name in mesh.materials:
+            if name not in materials:
+                raise ConfigurationError(f"body {body.name}: the world has no material {name!r}")
+            if materials[name].translucency > 0 or materials[name].mirror > 0:
+                raise ConfigurationError(f"body {body.name}: {name!r} is of leaves or water, which cannot move")
