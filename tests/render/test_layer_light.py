@@ -66,5 +66,5 @@ def test_texture_detail_follows_each_facet() -> None:
     batch, view = new_batch(1), View(transforms.pose((-1.0, 0, 0)) @ OPTICAL, Intrinsics(1.0, 1.0, 0.0, 0.0), 100.0)
     for down, seen in ((0.0, 0.6), (1.0, 1.6 / np.sqrt(2.0))):
         batch.image[:, 0] = 0.0, down
-        trace(scene.rays.handle, scene.hits.geometry_top, new_packet(coherent=False), view, batch, 1)
+        trace(scene.rays.alone, scene.hits.geometry_top, new_packet(coherent=False), view, batch, 1)
         assert batch.foreshortening[0] == pytest.approx(seen, rel=1e-4)

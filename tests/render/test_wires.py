@@ -58,7 +58,7 @@ def light(baked: BakedScene, config: CameraConfig, roll: float = 0.0, *, frames_
     view = View(pose, intrinsics_of(config), config.far, ray_table(config))
     if frames_:
         poses = np.tile(pose, (frames_, strips_of(h), 1, 1))
-        render_mean(shading, buffers, view, poses, offsets_of(frames_))
+        render_mean(shading, buffers, view, poses, np.zeros(poses.shape[:2]), offsets_of(frames_))
     else:
         render_linear(shading, buffers, view, labels)
     return buffers.linear.astype(np.float64)

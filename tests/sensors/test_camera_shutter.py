@@ -147,7 +147,9 @@ def test_strips_with_one_pose_are_the_ideal_photograph(clutter: BakedScene) -> N
     camera.render(pose)
     ideal = camera.linear.copy()
     poses = np.tile(pose, (strips_of(HEIGHT), 1, 1))
-    render_strips(camera._shading, camera._framebuffer, camera._view(pose), poses, camera._scratch)
+    render_strips(
+        camera._shading, camera._framebuffer, camera._view(pose), poses, np.zeros(len(poses)), camera._scratch
+    )
     assert np.array_equal(camera.linear, ideal)
 
 

@@ -137,6 +137,6 @@ def _ranges(scene: RayScene, pose: Array, rays: Array) -> tuple[Array, Mask]:
     flat = rays.reshape(-1, 3)
     batch.image[:, :count] = (flat[:, :2] / flat[:, 2:]).T
     view = View(pose, Intrinsics(1.0, 1.0, 0.0, 0.0), FAR)
-    trace(scene.handle, np.zeros(1, np.int32), new_packet(coherent=False), view, batch, count)
+    trace(scene.alone, np.zeros(1, np.int32), new_packet(coherent=False), view, batch, count)
     distance = batch.distance[:count].astype(np.float64).reshape(rays.shape[:2])
     return distance, distance < 0.99 * FAR

@@ -77,7 +77,7 @@ class WholeObjects:
         for first in range(0, len(u), BLOCK):
             count = min(BLOCK, len(u) - first)
             batch.image[0, :count], batch.image[1, :count] = u[first:][:count], v[first:][:count]
-            trace(alone.handle, tops, packet, view, batch, count)
+            trace(alone.alone, tops, packet, view, batch, count)
             seen[first : first + count] = batch.top[:count] >= 0
         if not seen.any():
             return Silhouette(0, [0, 0, 0, 0])

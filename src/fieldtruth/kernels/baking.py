@@ -150,7 +150,7 @@ def _trace_probes(
             if d[2] < 0.0:
                 near = min(near, np.float32(0.8) * heights[k % probes] / -d[2])
             set_shadow_ray(packet, lane, (p[0], p[1], p[2]), (d[0], d[1], d[2]), float(near), _FARTHEST)
-        _intersect(packet.valid.ctypes, shading.scene, ray.ctypes, packet.arguments.ctypes)
+        _intersect(packet.valid.ctypes, shading.scene.still, ray.ctypes, packet.arguments.ctypes)
         for lane in range(min(_LANES, total - first)):
             k, t = first + lane, ray[_FAR + lane]
             p, d = points[k % probes], directions[k // probes]

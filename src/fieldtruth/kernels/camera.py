@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Light on its path through a camera: lens and drops on it, sensor, processor; and optical flow of its images."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.camera_rays import Intrinsics
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.kernels.packets import Packet, set_ray
+from fieldtruth.kernels.packets import Packet, SceneRays, block_packet, set_ray
 from fieldtruth.kernels.tone_curve import SPILL
 
 
@@ -332,7 +332,6 @@ NEAR_SHARE: Final = 1e-4
 have single precision."""
 _LANES, _WIDTH, _HEIGHT = packets.LANES, packets.TILE_WIDTH, packets.TILE_HEIGHT
 _FAR = packets.TFAR
-_occluded: Any = packets.occluded
 
 
 class FlowPoints(NamedTuple):
@@ -378,7 +377,7 @@ def move_points(
 
 
 @kernel
-def hide_points(scene: np.uint64, packet: Packet, pose: Array, far: float, points: FlowPoints) -> None:
+def hide_points(scene: SceneRays, packet: Packet, pose: Array, far: float, points: FlowPoints) -> None:
     """Remove points that are outside the image, beyond ``far`` or behind the world, seen from the next pose (4, 4)."""
     rows, width = points.distance.shape
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
@@ -400,7 +399,7 @@ def hide_points(scene: np.uint64, packet: Packet, pose: Array, far: float, point
                 scale = 1.0 / np.sqrt(a * a + b * b + c * c)
                 reach = far if is_sky else min(d * (1.0 - NEAR_SHARE) - NEAR_M, far)
                 set_ray(packet, lane, (x0, y0, z0), (a * scale, b * scale, c * scale), 0.0, max(reach, 0.0))
-            _occluded(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)
+            block_packet(scene, packet)
             for lane in range(_LANES):
                 if packet.valid[lane] != 0 and packet.ray[_FAR + lane] < 0.0:
                     row, u = upper + lane // _WIDTH, left + lane % _WIDTH

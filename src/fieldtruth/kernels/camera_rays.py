@@ -5,7 +5,7 @@
 A pass over thousands of rays lets each kernel unpack its tables once, and lets shadow rays be packed densely.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,12 @@ from fieldtruth.kernels.packets import (
     LabelBuffers,
     NormalBuffers,
     Packet,
+    SceneRays,
     classify,
     hit_top,
     set_ray,
+    set_time,
+    trace_packet,
 )
 
 
@@ -46,7 +49,6 @@ _MISS = np.uint32(packets.MISS)
 _TINY = np.float32(1e-9)
 _NX, _NY, _NZ = packets.NG_X, packets.NG_Y, packets.NG_Z
 _FAR, _PRIM, _U, _V = packets.TFAR, packets.PRIM_ID, packets.HIT_U, packets.HIT_V
-_intersect: Any = packets.intersect
 
 
 class View(NamedTuple):
@@ -56,6 +58,7 @@ class View(NamedTuple):
     intrinsics: Intrinsics
     far: float  # [m] along the ray
     table: Float32Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole: ``intrinsics`` has it all
+    time: float = 0.0  # of its rays, see SceneRays
 
 
 class RayBatch(NamedTuple):
@@ -195,7 +198,7 @@ def _aim(
 
 
 @kernel
-def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
+def trace(scene: SceneRays, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
 
     ``tops`` is the ``geometry_top`` of a HitTable. Each inner loop writes few fields of the packet, so that it is
@@ -203,13 +206,14 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point, normal = batch
-    pose, lens, far, table = view
+    pose, lens, far, table, time = view
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
     has_table = len(table) > 0
     if has_table:
         set_directions(pose, table, count, batch)
     for lane in range(_LANES):
         set_ray(packet, lane, (x0, y0, z0), (0.0, 0.0, 1.0), 0.0, far)
+    set_time(packet, time)
     for first in range(0, count, _LANES):
         if has_table:
             for lane in range(_LANES):
@@ -224,7 +228,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             words[_GEOM + lane], words[_INST + lane] = _MISS, _MISS
         for lane in range(count - first, _LANES):
             valid[lane] = 0
-        _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
+        trace_packet(scene, packet)
         for lane in range(_LANES):
             k = first + lane
             t = ray[_FAR + lane]
@@ -285,7 +289,7 @@ def normal_pixels(pose: Array, batch: RayBatch, count: int, out: NormalBuffers) 
 
 @kernel
 def label_image(
-    scene: np.uint64, hits: HitTable, packet: Packet, view: View, batch: RayBatch, out: LabelBuffers
+    scene: SceneRays, hits: HitTable, packet: Packet, view: View, batch: RayBatch, out: LabelBuffers
 ) -> None:
     """Write class, instance id, depth and, if wanted, normal of the ray through every pixel's centre."""
     height, width = out.label.shape

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.kernels.camera_rays import RayBatch
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.kernels.packets import Grid, HitTable, IntArray
+from fieldtruth.kernels.packets import Grid, HitTable, IntArray, SceneRays
 from fieldtruth.kernels.textures import Atlas
 
 
@@ -221,7 +221,7 @@ class WireTable(NamedTuple):
 class Shading(NamedTuple):
     """All that a photograph needs of a scene."""
 
-    scene: np.uint64  # handle of the Embree scene
+    scene: SceneRays
     hits: HitTable
     surfaces: SurfaceTable
     materials: MaterialTable

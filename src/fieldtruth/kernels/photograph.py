@@ -6,7 +6,7 @@ A moving camera has a pose of its own for each strip of STRIP rows, and for each
 """
 
 from functools import cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from fieldtruth.kernels.camera_rays import (
 )
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.light import EXPOSURE, READ, Shading, WireTable, air_along, falling_on, read_probes
-from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_top, set_ray
+from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_top, set_ray, set_time, trace_packet
 from fieldtruth.kernels.shading import ShadingBuffers, new_shading_buffers, shade_batch
 
 WIDEST: Final = 3.0
@@ -36,7 +36,6 @@ WIDEST: Final = 3.0
 _LANES, _FAR, _MASK = packets.LANES, packets.TFAR, packets.MASK
 _PRIM, _U, _V = packets.PRIM_ID, packets.HIT_U, packets.HIT_V
 _BEHIND = np.uint32(packets.SOLID | packets.CLEAR)
-_intersect: Any = packets.intersect
 _Vector = tuple[float, float, float]
 NORMAL, MIDDLE, REACH = 0, 3, 6
 """Columns of planes: normal of the plane through camera and segment, direction of its middle, chord to its ends."""
@@ -68,6 +67,7 @@ def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int
     """Compute ``colour`` of the traced rays of a view and of wires; ``batch`` becomes that of what is behind them."""
     pixel = 1.0 / view.intrinsics.fx
     wires = len(shading.wires.top) > 0
+    set_time(buffers.shadow, view.time)
     if wires:
         _look_behind(shading, buffers, view, count)
     shade_batch(shading, buffers, count, pixel)
@@ -92,7 +92,7 @@ def _look_behind(shading: Shading, buffers: ShadingBuffers, view: View, count: i
         if filled == _LANES or (k == count - 1 and filled > 0):
             for lane in range(filled, _LANES):
                 valid[lane] = 0
-            _intersect(valid.ctypes, shading.scene, ray.ctypes, packet.arguments.ctypes)
+            trace_packet(shading.scene, packet)
             for lane in range(filled):
                 row, t = rows[lane], ray[_FAR + lane]
                 batch.distance[row], batch.foreshortening[row] = t, seen_over_map(ray, lane)
@@ -500,8 +500,12 @@ def _set_strip(top: int, left: int, height: int, width: int, dx: float, dy: floa
 
 
 @kernel
-def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, labels: LabelBuffers) -> None:
+def render_strips(
+    shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, times: Array, labels: LabelBuffers
+) -> None:
     """Render the light ``framebuffer.linear`` like ``render_linear``, with poses (strips, 4, 4) world_from_optical.
+
+    ``times`` (strips,) are those of their rays.
 
     Labels are those that the moving camera sees; edges need them.
     """
@@ -509,7 +513,7 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
     height, width, _ = linear.shape
     batch = buffers.batch
     for upper in range(0, height, STRIP):
-        own = View(poses[upper // STRIP], view.intrinsics, view.far, view.table)
+        own = View(poses[upper // STRIP], view.intrinsics, view.far, view.table, times[upper // STRIP])
         for left in range(0, width, _COLUMNS):
             count = _set_strip(upper, left, height, width, 0.0, 0.0, batch.image)
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
@@ -521,13 +525,18 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
         strip, end = edges.pixels[start, 0] // STRIP, start
         while end < count and edges.pixels[end, 0] // STRIP == strip:
             end += 1
-        refine(shading, framebuffer, View(poses[strip], view.intrinsics, view.far, view.table), start, end)
+        own = View(poses[strip], view.intrinsics, view.far, view.table, times[strip])
+        refine(shading, framebuffer, own, start, end)
         start = end
 
 
 @kernel
-def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, offsets: Array) -> None:
+def render_mean(
+    shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, times: Array, offsets: Array
+) -> None:
     """Render the mean light ``framebuffer.linear`` of n sub-frames with poses (n, strips, 4, 4) world_from_optical.
+
+    ``times`` (n, strips) are those of their rays.
 
     Sub-frame i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths
     edges instead of further rays there.
@@ -540,7 +549,8 @@ def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: A
     for frame in range(len(poses)):
         dx, dy = offsets[frame, 0], offsets[frame, 1]
         for upper in range(0, height, STRIP):
-            own = View(poses[frame, upper // STRIP], view.intrinsics, view.far, view.table)
+            strip = upper // STRIP
+            own = View(poses[frame, strip], view.intrinsics, view.far, view.table, times[frame, strip])
             for left in range(0, width, _COLUMNS):
                 count = _set_strip(upper, left, height, width, dx, dy, batch.image)
                 trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
@@ -572,6 +582,7 @@ def _add(
 def render_points(shading: Shading, buffers: ShadingBuffers, view: View, count: int, pixel: float) -> None:
     """Compute ``buffers.colour`` of the first ``count`` image points of the batch, each ``pixel`` [rad] wide."""
     trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, count)
+    set_time(buffers.shadow, view.time)
     shade_batch(shading, buffers, count, pixel)
 
 

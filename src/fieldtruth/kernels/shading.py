@@ -52,11 +52,13 @@ from fieldtruth.kernels.packets import (
     Grid,
     IntArray,
     Packet,
+    SceneRays,
     hit_top,
     new_packet,
     read_grid,
     set_ray,
     set_shadow_ray,
+    trace_packet,
 )
 
 PASSES: Final = (
@@ -74,7 +76,6 @@ Photosynthesis in Aquatic Ecosystems, attenuation of such waters about 1 per met
 _WAVES: Final = 14
 _FARTHEST: Final = 400.0  # [m]
 _PRIM, _U, _V = packets.PRIM_ID, packets.HIT_U, packets.HIT_V
-_intersect: Any = packets.intersect
 
 
 class SecondaryBatch(NamedTuple):
@@ -173,7 +174,7 @@ def water_rays(
 
 
 @kernel
-def trace_secondary(scene: np.uint64, tops: IntArray, packet: Packet, second: SecondaryBatch, count: int) -> None:
+def trace_secondary(scene: SceneRays, tops: IntArray, packet: Packet, second: SecondaryBatch, count: int) -> None:
     """Trace the first ``count`` rays from ``point``, which becomes that of the hit; ``tops`` as for ``trace``."""
     ray, words, valid, batch = packet.ray, packet.words, packet.valid, second.batch
     for first in range(0, count, _LANES):
@@ -185,7 +186,7 @@ def trace_secondary(scene: np.uint64, tops: IntArray, packet: Packet, second: Se
             origin = batch.point[0, k], batch.point[1, k], batch.point[2, k]
             direction = batch.direction[0, k], batch.direction[1, k], batch.direction[2, k]
             set_ray(packet, lane, origin, direction, 0.01, _FARTHEST)
-        _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
+        trace_packet(scene, packet)
         for lane in range(min(_LANES, count - first)):
             k = first + lane
             t = ray[_FAR + lane]
@@ -233,12 +234,17 @@ def _ragged(x: np.float32, y: np.float32, z: np.float32) -> np.float32:
 
 
 @kernel
-def cover_with_snow(snow: SnowTable, open_light: np.float32, batch: RayBatch, count: int, out: Float32Array) -> None:
-    """Mix snow into the rows of a G-buffer ``out`` (n, FIELDS), whose LIGHT is ``open_light`` below the whole sky."""
+def cover_with_snow(
+    snow: SnowTable, open_light: np.float32, batch: RayBatch, count: int, bodies: int, out: Float32Array
+) -> None:
+    """Mix snow into the rows of a G-buffer ``out`` (n, FIELDS), whose LIGHT is ``open_light`` below the whole sky.
+
+    None lies on what moves, the top-level geometries from ``bodies`` on.
+    """
     top, point, ground, on_top = batch.top, batch.point, snow.ground, snow.on_top
     zero, one, lit = np.float32(0.0), np.float32(1.0), np.float32(3.0) / open_light
     for k in range(count):
-        if top[k] < 0 or out[k, MIRROR] > zero:
+        if top[k] < 0 or top[k] >= bodies or out[k, MIRROR] > zero:
             continue
         x, y, z = point[0, k], point[1, k], point[2, k]
         noise = _ragged(x, y, z)
@@ -346,8 +352,11 @@ def shade_hits(
     if passes < _ALL - 1:
         return
     if shading.has_snow:
-        cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, gbuffer)
+        bodies = shading.surfaces.top_rotation.shape[0] - shading.scene.axes.shape[1]
+        cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, bodies, gbuffer)
     _share_sun(shading, buffers.shadow, buffers.shadow_rows, batch, count, np.float32(pixel), gbuffer)
+    if shading.scene.moving != np.uint64(0):
+        _shade_by_bodies(shading, buffers.shadow, buffers.shadow_rows, batch, count, gbuffer)
     if shading.light.has_cloud_shadow:
         _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
     if passes == _ALL:
@@ -387,10 +396,39 @@ def _share_sun(
         if filled == _LANES or (k == count - 1 and filled > 0):
             for lane in range(filled, _LANES):
                 shadow.valid[lane] = 0
-            _occluded(shadow.valid.ctypes, shading.scene, ray.ctypes, shadow.arguments.ctypes)
+            _occluded(shadow.valid.ctypes, shading.scene.still, ray.ctypes, shadow.arguments.ctypes)
             for lane in range(filled):
                 if ray[_FAR + lane] >= zero:
                     gbuffer[rows[lane], SUN] = one
+            filled = 0
+
+
+@kernel(inner=True)
+def _shade_by_bodies(
+    shading: Shading, shadow: Packet, rows: IntArray, batch: RayBatch, count: int, gbuffer: Float32Array
+) -> None:
+    """Take the sun from hits from which a body that moves hides it; the maps of the sun have what stands still."""
+    sun, top, point, ray, filled = shading.light.sun, batch.top, batch.point, shadow.ray, 0
+    sx, sy, sz = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2])
+    offset, zero = np.float32(_OFFSET), np.float32(0.0)
+    for lane in range(_LANES):
+        set_shadow_ray(shadow, lane, (zero, zero, zero), (sx, sy, sz), _OFFSET, SHADOW_RANGE)
+    for k in range(count):
+        nx, ny, nz = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ]
+        if top[k] >= 0 and gbuffer[k, SUN] > zero and nx * sx + ny * sy + nz * sz > zero:
+            ray[_OX + filled] = point[0, k] + offset * nx
+            ray[_OY + filled] = point[1, k] + offset * ny
+            ray[_OZ + filled] = point[2, k] + offset * nz
+            ray[_FAR + filled] = SHADOW_RANGE
+            rows[filled] = k
+            filled += 1
+        if filled == _LANES or (k == count - 1 and filled > 0):
+            for lane in range(filled, _LANES):
+                shadow.valid[lane] = 0
+            _occluded(shadow.valid.ctypes, shading.scene.moving, ray.ctypes, shadow.arguments.ctypes)
+            for lane in range(filled):
+                if ray[_FAR + lane] < zero:
+                    gbuffer[rows[lane], SUN] = zero
             filled = 0
 
 

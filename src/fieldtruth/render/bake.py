@@ -23,7 +23,7 @@ from fieldtruth.kernels.shading import WHITE
 from fieldtruth.render import daylight
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.daylight import LUMINANCE, sun_direction
-from fieldtruth.render.light import bake_light
+from fieldtruth.render.light import bake_light, with_bodies
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.surfaces import shading_of
 from fieldtruth.sense.embree import processor
@@ -69,7 +69,8 @@ def bake(
     """
     light, folder = light or LightConfig(), folder or cache_folder()
     workers = cpu_count() if workers is None else workers
-    lit = cached_light(scene, light, folder, lambda: _lit(scene, light, workers, weather), weather)
+    still = scene.still  # light does not depend on what moves
+    lit = cached_light(still, light, folder, lambda: _lit(still, light, workers, weather), weather)
     return _baked(scene, lit, weather)
 
 
@@ -77,7 +78,7 @@ def lit_scene(
     scene: Scene, light: LightConfig, weather: WeatherConfig | None, workers: int, *, texels: int | None = None
 ) -> BakedScene:
     """Compute the light of a scene as ``bake`` does, without the cache; see ``bake_light`` for ``texels``."""
-    return _baked(scene, _lit(scene, light, workers, weather, texels), weather)
+    return _baked(scene, _lit(scene.still, light, workers, weather, texels), weather)
 
 
 class Lit(NamedTuple):
@@ -101,7 +102,7 @@ def _baked(scene: Scene, lit: Lit, weather: WeatherConfig | None) -> BakedScene:
     table, materials = lit
     heights = scene.world.terrain.surface.heights
     air = air_of(weather, table, heights)
-    table = light_in(air, table, float(heights.mean()))
+    table = with_bodies(light_in(air, table, float(heights.mean())), scene)
     shading = shading_of(scene, table, materials, air)
     water, exposed = bool((materials.mirror > 0).any()), exposure(table, materials, shading.snow)
     shading = shading._replace(has_water=water, exposure=exposed)

@@ -22,7 +22,7 @@ time adds a reflection, of light that the volume of the time before brings.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -115,7 +115,7 @@ def bake_light(
             sun_map=make_sun_map(scene, sun, pool),
             ground_sun=_below_clouds(_ground_grid(scene, pool, spacing, disc), day),
             ground_near=_ground_grid(scene, pool, spacing, hemisphere(24), reach=_NEAR_GROUND),
-            vertex_near=_vertex_near(scene, pool),
+            vertex_near=_vertex_near(scene, scene.meshes, pool),
             leaf_sun=leaf_sun,
             volume=np.zeros((len(x), len(y), LAYERS, COEFFICIENTS), np.float32),
             volume_base=scene.world.terrain.surface.height_at(*np.meshgrid(x, y, indexing="ij")).astype(np.float32),
@@ -227,30 +227,44 @@ def _thin_faces(scene: Scene, mesh: Mesh) -> Mask:
     return np.asarray(thin[mesh.material])
 
 
-def _vertex_near(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
+def with_bodies(light: LightTable, scene: Scene) -> LightTable:
+    """Return the light of what stands still in a scene, with rows for its bodies that move."""
+    if not scene.moving:
+        return light
+    with ThreadPoolExecutor(1) as pool:
+        near = _vertex_near(scene, scene.meshes[len(scene.still.meshes) :], pool, lowest=-np.inf)
+    leaves = np.append(light.top_leaf, np.full(len(scene.moving), -1))
+    return light._replace(vertex_near=np.append(light.vertex_near, near), top_leaf=leaves)
+
+
+def _vertex_near(
+    scene: Scene, meshes: Sequence[Mesh], pool: ThreadPoolExecutor, *, lowest: float = 0.01
+) -> Float32Array:
     """Share of directions in which a mesh's own faces are not near, at every vertex of every mesh.
+
+    What is below ``lowest`` [m] in the mesh's frame is in the soil, and has the share at that height.
 
     Objects share meshes, so that neighbours cannot be considered.
     """
     wood_rays, leaf_rays = sphere(48, 0.0), sphere(12, 0.0)
-    alone = [scene.mesh_rays(mesh) for mesh in scene.meshes]
+    alone = [scene.mesh_rays(mesh) for mesh in meshes]
 
     def one_mesh(row: int) -> Float32Array:
-        mesh = scene.meshes[row]
+        mesh = meshes[row]
         share = np.ones(len(mesh.vertices), np.float32)
         if mesh is scene.world.backdrop:
             return share
         leaf = np.zeros(len(mesh.vertices), np.bool_)
         leaf[mesh.faces[_thin_faces(scene, mesh)].ravel()] = True
         points = mesh.vertices + np.float32(0.004) * mesh.normals
-        points[:, 2] = np.maximum(points[:, 2], 0.01)
+        points[:, 2] = np.maximum(points[:, 2], lowest)
         rays = alone[row].handle
         share[~leaf] = visibility(rays, points[~leaf], mesh.normals[~leaf], wood_rays, 0.004, _NEAR_GROUND)
         # Light falls on, and shines through, both sides of a leaf: neither side has more weight.
         share[leaf] = visibility(rays, points[leaf], None, leaf_rays, 0.004, NEAR)
         return share
 
-    return np.concatenate([*pool.map(one_mesh, range(len(scene.meshes))), np.zeros(0, np.float32)])
+    return np.concatenate([*pool.map(one_mesh, range(len(meshes))), np.zeros(0, np.float32)])
 
 
 class _Leaves(NamedTuple):

@@ -43,5 +43,8 @@ def _sunlit(shading: Shading, table: Array, world_from_base: Array) -> tuple[Gri
     level = float(high[2]) - _MARGIN + _ABOVE
     points = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full(_NODES, level)], axis=-1).reshape(-1, 3)
     world = (points @ world_from_base[:3, :3].T + world_from_base[:3, 3]).astype(np.float32)
-    seen = visibility(shading.scene, world, None, sun_disc(shading.light.sun, RADIUS_DEG, _SUN_RAYS), _ABOVE)
+    disc = sun_disc(shading.light.sun, RADIUS_DEG, _SUN_RAYS)
+    seen = visibility(shading.scene.still, world, None, disc, _ABOVE)
+    if shading.scene.moving:
+        seen *= visibility(shading.scene.moving, world, None, disc, _ABOVE)
     return Grid(seen.reshape(_NODES), float(x[0]), float(y[0]), 1.0 / spacing), level

@@ -87,7 +87,7 @@ def shading_of(scene: Scene, light: LightTable, materials: MaterialTable, air: A
     """Tables of a scene for shading, without the second rays of water, and with an exposure of 1."""
     snow = snow_table(scene.world.terrain)
     return Shading(
-        scene=scene.rays.handle,
+        scene=scene.rays.alone,
         hits=scene.hits,
         surfaces=surface_table(scene, light.vertex_near),
         materials=materials,

@@ -80,18 +80,20 @@ class Scene:
         self.still, self.moving = self, list[Traced]()
         if bodies:
             self.still = copy(self)
-            check_bodies(bodies, world, self.meshes)
-            own = {body.mesh.name: body.mesh for body in bodies}
-            known = {mesh.name for mesh in self.meshes}
-            self.meshes = [*self.meshes, *(mesh for name, mesh in own.items() if name not in known)]
-            self.top_levels = [
-                *self.top_levels,
-                *(TopLevel(each.mesh, np.eye(4), each.object_id, each.tint) for each in bodies),
-            ]
-            self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
-            scenes = {name: self.mesh_rays(mesh) for name, mesh in own.items()}
-            radius = {name: float(np.linalg.norm(mesh.vertices, axis=1).max()) for name, mesh in own.items()}
-            self.moving = [Traced(each, scenes[each.mesh.name], radius[each.mesh.name]) for each in bodies]
+            self.still.still = self.still
+            self._add(bodies, geometry_top)
+
+    def _add(self, bodies: Sequence[MovingBody], geometry_top: list[int]) -> None:
+        """Add rows for bodies to the tables, and build the Embree scenes of their meshes."""
+        check_bodies(bodies, self.world, self.meshes)
+        own, known = {body.mesh.name: body.mesh for body in bodies}, {mesh.name for mesh in self.meshes}
+        self.meshes = [*self.meshes, *(mesh for name, mesh in own.items() if name not in known)]
+        tops = [TopLevel(each.mesh, np.eye(4), each.object_id, each.tint) for each in bodies]
+        self.top_levels = [*self.top_levels, *tops]
+        self.hits = _hit_table(self.world, self.meshes, self.top_levels, geometry_top)
+        scenes = {name: self.mesh_rays(mesh) for name, mesh in own.items()}
+        radius = {name: float(np.linalg.norm(mesh.vertices, axis=1).max()) for name, mesh in own.items()}
+        self.moving = [Traced(each, scenes[each.mesh.name], radius[each.mesh.name]) for each in bodies]
 
     def interval(self, begin_ns: int, end_ns: int, centre: Array, reach: float) -> Interval:
         """Return what moves from one stamp [ns] to another, within a reach [m] of a position (3,).

@@ -21,6 +21,7 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -58,6 +59,7 @@ class SensorWorld(_Shared):
         seed: root of all randomness; None for the world's.
         reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
         workers: threads that may work on one reading.
+        moving: bodies that move, which LiDARs and cameras see; those of the scene, if it is given.
     """
 
     def __init__(
@@ -72,11 +74,12 @@ class SensorWorld(_Shared):
         seed: int | None = None,
         reuse: bool = False,
         workers: int = 1,
+        moving: Sequence[MovingBody] = (),
     ) -> None:
         super().__init__()
         self.seed = world.seed if seed is None else seed
         """Root of all randomness."""
-        self.world, self.rig, self.reuse, self.workers = world, rig, reuse, workers
+        self.world, self.rig, self.reuse, self.workers, self.moving = world, rig, reuse, workers, moving
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
         if scene is not None:
             self.once("scene", lambda: scene)
@@ -92,7 +95,7 @@ class SensorWorld(_Shared):
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built at the first use."""
-        return self.once("scene", lambda: Scene(self.world))
+        return self.once("scene", lambda: Scene(self.world, self.moving))
 
     @property
     def baked(self) -> BakedScene:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, ClassTable, Label
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Count, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context
 from fieldtruth.validation.tracer import TERRAIN, Hits, ReferenceTracer, resolution
@@ -143,6 +144,8 @@ class RayReading(NamedTuple):
     """True for a sensor of pulses, to which some classes return nothing."""
     in_base: tuple[Array, Array]
     """Origin and direction in base_link."""
+    stamp_ns: int = 0
+    """True time, which matters where bodies move."""
 
     def __str__(self) -> str:
         if self.range_m == NOTHING:
@@ -187,7 +190,7 @@ def mismatches(
     origins, directions = np.array([r.origin for r in readings]), np.array([r.direction for r in readings])
     known, far = np.array([r.range_m for r in readings]), np.array([r.far for r in readings]) * 1.001
     limit = np.where((known > 0) & np.isfinite(known), np.minimum(known * 1.001 + 0.01, far), far)
-    hits = tracer.hits(origins, directions, limit)
+    hits = tracer.hits(origins, directions, limit, np.array([r.stamp_ns for r in readings]))
     tolerance = np.asarray(resolution(hits.range_m, tracer.side) / hits.cosine + 1e-6 * hits.range_m)
     opaque = _opaque(hits, tolerance, tracer.side)
     result, classes = list[str | None](), world.classes
@@ -243,9 +246,9 @@ def _trail_labels(world: World, point: Array, range_m: float, cosine: float) -> 
 class RayReference(Checker):
     """The second tracer in a world. Threads may share it."""
 
-    def __init__(self, context: Context, world: World) -> None:
-        self._world = world
-        self._tracer = ReferenceTracer(world)
+    def __init__(self, context: Context, rebuilt: SensorWorld) -> None:
+        self._world = rebuilt.world
+        self._tracer = ReferenceTracer(rebuilt.world, rebuilt.moving)
         self._robot = robot_parts(context.rig)
         self._tally = context.tally(INDEPENDENT_RAYS)
         self.tallies = [self._tally]

@@ -118,7 +118,7 @@ def validate(
 
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
-    rays = None if context.rebuilt is None else RayReference(context, context.rebuilt.world)
+    rays = None if context.rebuilt is None else RayReference(context, context.rebuilt)
     calibration = context.tally(CALIBRATION)
     points = [each for kind in CHECKS for each in kind.points(context.rig)]
     shared = Pass(context, world.ObjectClasses(context), calibration, points, rays, full, samples)

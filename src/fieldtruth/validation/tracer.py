@@ -8,7 +8,7 @@ ground these are boxes about squares of cells, then about cells, whose triangles
 less than single precision resolves, is returned.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.sense.moving import MovingBody
 from fieldtruth.world.model import Heightfield, Mesh, World
 
 SKIN: Final = 0.001  # [m] by which boxes are larger
@@ -150,11 +151,11 @@ class _Triangles(NamedTuple):
 
 
 class ReferenceTracer:
-    """The triangles of a world. Threads may share it."""
+    """The triangles of a world, and of bodies that move. Threads may share it."""
 
-    def __init__(self, world: World) -> None:
-        self.world, self.side = world, max(world.size)
-        labels = {name: int(material.label) for name, material in world.materials.items()}
+    def __init__(self, world: World, bodies: Sequence[MovingBody] = ()) -> None:
+        self.world, self.side, self._bodies = world, max(world.size), bodies
+        self._labels = labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
         meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
         poses: dict[str, list[tuple[Array, int]]] = {}
@@ -183,8 +184,11 @@ class ReferenceTracer:
         objects = (len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
         return sum(objects, self._ground.triangles if self._ground is not None else 0)
 
-    def hits(self, origins: Array, directions: Array, limit: Array) -> Hits:
-        """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
+    def hits(self, origins: Array, directions: Array, limit: Array, stamps_ns: Index | None = None) -> Hits:
+        """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m].
+
+        They leave at stamps (n,), by default at 0, which matter where bodies move.
+        """
         nothing = np.zeros(0)
         index, flags = nothing.astype(int), nothing.astype(np.bool_)
         found = [Hits(index, nothing, nothing.astype(np.uint8), index, nothing, nothing, flags)]
@@ -202,9 +206,28 @@ class ReferenceTracer:
                 ray, row = np.nonzero(meets(placed.low[near], placed.high[near], start, ahead, end))
                 if len(ray):
                     found += self._hits_of(name, rays[ray], near[row], origins, directions, limit)
+        stamps = np.zeros(len(origins), np.int64) if stamps_ns is None else stamps_ns
+        for body in self._bodies:
+            found += self._hits_on_body(body, origins, directions, limit, stamps)
         hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.lexsort((hits.range_m, hits.ray))
         return Hits._make(part[order] for part in hits)
+
+    def _hits_on_body(
+        self, body: MovingBody, origins: Array, directions: Array, limit: Array, stamps: Index
+    ) -> Iterator[Hits]:
+        """Yield the hits of each ray that passes near a body, which is where it is at the ray's own stamp."""
+        mesh, poses = body.mesh, body.at(stamps)
+        vertices = mesh.vertices.astype(np.float64)
+        label = np.array([self._labels[name] for name in mesh.materials], np.uint8)[mesh.material]
+        instance, offset = np.full(len(mesh.faces), body.object_id), poses[:, :3, 3] - origins
+        along = np.clip(np.einsum("ni,ni->n", offset, directions), 0.0, limit)
+        away = np.linalg.norm(offset - along[:, None] * directions, axis=1)
+        for ray in np.flatnonzero(away <= np.linalg.norm(vertices, axis=1).max() + SKIN):
+            corners = (vertices @ poses[ray, :3, :3].T + poses[ray, :3, 3])[mesh.faces]
+            rays = np.full(len(corners), ray)
+            triangles = _Triangles(corners, label, instance)
+            yield _hits_on(triangles, rays, origins[rays], directions[rays], limit[rays], self.side)
 
     def _hits_of(
         self, name: str, ray: Index, row: Index, origins: Array, directions: Array, limit: Array

@@ -15,7 +15,6 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.imaging_config import Imager
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_geometry import (
     CALIBRATION,
@@ -199,7 +198,7 @@ class RetracedImages(CameraFrameChecker):
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
-        own, difference = self._render(frame.imager, pose, bag.photograph if config.signal is None else None)
+        own, difference = self._render(frame, pose, bag.photograph if config.signal is None else None)
 
         def reading(k: int) -> RayReading:
             v, u = divmod(k, config.width)
@@ -211,7 +210,7 @@ class RetracedImages(CameraFrameChecker):
                 f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ along,
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
                 UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, pulsed=False,
-                in_base=(mount[:3, 3], mount[:3, :3] @ along),
+                in_base=(mount[:3, 3], mount[:3, :3] @ along), stamp_ns=frame.stamp_ns,
             )  # fmt: skip
 
         same, equal = _same(bag, own)
@@ -227,18 +226,18 @@ class RetracedImages(CameraFrameChecker):
         return [retraced, photographs, sample]
 
     def _render(
-        self, imager: Imager, pose: Array, photograph: NDArray[np.uint8] | None
+        self, frame: CameraFrame, pose: Array, photograph: NDArray[np.uint8] | None
     ) -> tuple[LabelImages, tuple[float, float] | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
-        config, robot = imager.config, self._robot.get(imager.name)
+        config, robot = frame.imager.config, self._robot.get(frame.imager.name)
         own = vars(self._own)
         if photograph is None:
             if config.name not in own.setdefault("label", {}):
                 own["label"][config.name] = LabelCamera(config, self._rebuilt.scene, reuse=True)
-            return own["label"][config.name].label(pose, robot), None
+            return own["label"][config.name].label(pose, robot, frame.stamp_ns), None
         if config.name not in own.setdefault("photograph", {}):
             own["photograph"][config.name] = IdealCamera(config, self._rebuilt.baked, reuse=True)
-        images = own["photograph"][config.name].render(pose, robot)
+        images = own["photograph"][config.name].render(pose, robot, frame.stamp_ns)
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 
 

@@ -158,21 +158,24 @@ class Geometry(CameraFrameChecker):
         """Compare the view's previous frame, whose next pose is now known."""
         pose = self.context.motion.state(frame.stamp_ns).world_from_base @ frame.imager.base_from_optical
         if frame.imager.name in self._last:
-            self._submit(self._last[frame.imager.name], pose)
+            self._submit(self._last[frame.imager.name], _Seen(frame, pose))
         self._last[frame.imager.name] = _Seen(frame, pose)
 
-    def _submit(self, seen: _Seen, following: Array | None) -> None:
+    def _submit(self, seen: _Seen, following: _Seen | None) -> None:
         if self._sampler.takes(seen.frame.stamp_ns, seen.frame.imager.name) or following is None:
             self.context.jobs.append(lambda: self._compare(seen, following))
 
-    def _compare(self, seen: _Seen, following: Array | None) -> Sequence[Tally]:
+    def _compare(self, seen: _Seen, following: _Seen | None) -> Sequence[Tally]:
         (frame, pose), tallies = seen, [tally.part() for tally in self.tallies]
         camera, robot = self._camera(frame.imager), self._robot.get(frame.imager.name)
-        images = camera.label(pose, robot)
+        images = camera.label(pose, robot, frame.stamp_ns)
         due: dict[str, NDArray[Any]] = {"normals": images.normal}
         if "flow" in frame.parts:
             still = np.full((*images.depth.shape, 2), np.nan, np.float32)
-            due["flow"] = still if following is None else camera.flow(images, pose, following, robot)
+            if following is not None:
+                stamps = frame.stamp_ns, following.frame.stamp_ns
+                still = camera.flow(images, pose, following.pose, robot, stamps)
+            due["flow"] = still
         rules = (("normals", SAME_NORMALS, _NORMAL), ("flow", SAME_FLOW, _FLOW))
         for tally, (part, rule, limit) in zip(tallies, rules, strict=True):
             found = _pixels(frame, part)

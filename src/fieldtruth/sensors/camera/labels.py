@@ -3,8 +3,8 @@
 """Labels, instances, depth, normals and optical flow: from the rays through the centres of the pixels.
 
 Optical flow: how far each pixel's surface point has moved in the image when the camera takes the next one. The point is
-that of the depth image. The world stands still, the robot moves with the camera, and the sky is infinitely far. A ray
-from the next pose to the point finds whether something hides it there.
+that of the depth image. The world stands still, a body that moves takes its points with it, the robot moves with the
+camera, and the sky is infinitely far. A ray from the next pose to the point finds whether something hides it there.
 """
 
 from dataclasses import dataclass, field
@@ -18,9 +18,11 @@ from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import CLASSES, ClassTable, Label
 from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
-from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
+from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch, trace
+from fieldtruth.kernels.light import SHADOW_RANGE
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
 from fieldtruth.sense.lens import intrinsics_of, ray_table
+from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotView, hide_world, meet
 from fieldtruth.sense.scene import Scene
 
@@ -74,18 +76,26 @@ class LabelCamera:
         self.last: LabelImages | None = None
         """The images that the next call overwrites, of a camera with ``reuse``."""
 
-    def label(self, world_from_optical: Array, robot: RobotView | None = None) -> LabelImages:
-        """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
+    def label(self, world_from_optical: Array, robot: RobotView | None = None, stamp_ns: int = 0) -> LabelImages:
+        """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot.
+
+        The stamp matters where bodies move.
+        """
         images = self._own_images()
         out = self._buffers(images)
-        view = self._view(world_from_optical)
-        label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
+        view, interval = self._view(world_from_optical), self._interval(world_from_optical, stamp_ns, stamp_ns)
+        label_image(interval.rays, self.scene.hits, self._packet, view, self._batch, out)
         if robot is not None:
             hide_world(robot, out)
         return images
 
     def flow(
-        self, images: LabelImages, world_from_optical: Array, world_from_next: Array, robot: RobotView | None = None
+        self,
+        images: LabelImages,
+        world_from_optical: Array,
+        world_from_next: Array,
+        robot: RobotView | None = None,
+        stamps_ns: tuple[int, int] = (0, 0),
     ) -> Float32Array:
         """Optical flow (h, w, 2) [pixel] to the right and down from these images to the view's next pose.
 
@@ -98,7 +108,9 @@ class LabelCamera:
             world_from_optical: (4, 4).
             world_from_next: (4, 4).
             robot: what the view sees of it.
+            stamps_ns: of both poses, where bodies move.
         """
+        later = self._interval(world_from_next, stamps_ns[1], stamps_ns[1])
         lens, (height, width) = self.config.projection, images.depth.shape
         shape = (_BAND, width)
         band = FlowPoints(np.empty((*shape, 3)), np.empty(shape), np.empty((*shape, 2)))
@@ -109,12 +121,15 @@ class LabelCamera:
             rows = slice(top, min(top + _BAND, height))
             points = FlowPoints(*(each[: rows.stop - top] for each in band))
             move_points(self.intrinsics, self._table, moved, images.depth, own, top, points)
+            if self.scene.moving:
+                poses = np.stack([world_from_optical, world_from_next])
+                self._move_with_bodies(points, images.instance[rows], top, poses, stamps_ns)
             if len(self._table):
                 points.image[:] = lenses.project(lens, points.ray)
             if robot is not None:
                 _hide_behind_robot(points, robot, own[rows])
             self._cut(points)
-            hide_points(self.scene.rays.handle, self._packet, world_from_next, self.config.far, points)
+            hide_points(later.rays, self._packet, world_from_next, self.config.far, points)
             flow[rows] = points.image - np.stack(np.meshgrid(np.arange(width), np.arange(top, rows.stop)), axis=-1)
         if lens.model == "equirectangular":
             around = 2.0 * np.pi * lens.fx
@@ -122,6 +137,35 @@ class LabelCamera:
         if robot is not None:
             flow[own & ~np.isnan(flow[..., 0])] = 0.0
         return flow
+
+    def _move_with_bodies(
+        self, points: FlowPoints, instance: NDArray[np.uint32], top: int, poses: Array, stamps_ns: tuple[int, int]
+    ) -> None:
+        """Put points of bodies, found by tracing their pixels again, where their triangles are at the next stamp."""
+        scene, batch, first = self.scene, self._batch, len(self.scene.still.top_levels)
+        own = np.isin(instance, [each.body.object_id for each in scene.moving])
+        rows, columns = np.nonzero(own)
+        if not len(rows):
+            return
+        now, view = self._interval(poses[0], stamps_ns[0], stamps_ns[0]), self._view(poses[0])
+        for start in range(0, len(rows), BLOCK):
+            v, u = rows[start : start + BLOCK], columns[start : start + BLOCK]
+            batch.image[0, : len(u)], batch.image[1, : len(u)] = u, v + top
+            trace(now.rays, scene.hits.geometry_top, self._packet, view, batch, len(u))
+            number = batch.top[: len(u)] - first
+            for k in np.unique(number[number >= 0]):
+                at, body = np.flatnonzero(number == k), scene.moving[k].body
+                corners = body.mesh.vertices[body.mesh.faces[batch.primitive[at]]].astype(np.float64)
+                share = batch.barycentric[:, at].astype(np.float64)
+                weights = np.stack([1.0 - share.sum(axis=0), *share])
+                optical_from_body = transforms.inverse(poses[1]) @ body.at(stamps_ns[1])[0]
+                ray = transforms.transform(optical_from_body, np.einsum("kn,nkj->nj", weights, corners))
+                points.ray[v[at], u[at]], points.distance[v[at], u[at]] = ray, np.linalg.norm(ray, axis=1)
+                points.image[v[at], u[at]] = lenses.project(self.config.projection, ray)
+
+    def _interval(self, world_from_optical: Array, begin_ns: int, end_ns: int) -> Interval:
+        """Return what moves, as far away as the camera sees or a shadow reaches into its images."""
+        return self.scene.interval(begin_ns, end_ns, world_from_optical[:3, 3], self.config.far + SHADOW_RANGE)
 
     def _cut(self, points: FlowPoints) -> None:
         """Remove points outside the borders of the image's outermost pixels, and those beyond ``far``."""
@@ -150,8 +194,9 @@ class LabelCamera:
     def _buffers(self, images: LabelImages) -> LabelBuffers:
         return LabelBuffers(images.label, images.instance, images.depth, NormalBuffers(images.normal, self._axes))
 
-    def _view(self, world_from_optical: Array) -> View:
-        return View(np.ascontiguousarray(world_from_optical, np.float64), self.intrinsics, self.config.far, self._table)
+    def _view(self, world_from_optical: Array, time: float = 0.0) -> View:
+        pose = np.ascontiguousarray(world_from_optical, np.float64)
+        return View(pose, self.intrinsics, self.config.far, self._table, time)
 
 
 def tag_image(label: NDArray[np.uint8], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:

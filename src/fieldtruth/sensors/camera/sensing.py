@@ -11,7 +11,7 @@ air are distributed as extinction and LiDARs have them (``sense.air``); what is 
 part of the air's extinction.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -43,6 +43,7 @@ from fieldtruth.kernels.tone_curve import tonemap
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.robot import paint_robot
 from fieldtruth.sense.air import Drops, rain, snow
+from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotView, hide_world
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
@@ -73,21 +74,27 @@ class IdealCamera(LabelCamera):
         buffers = new_framebuffer(config.height, config.width)
         self._framebuffer = buffers._replace(shading=buffers.shading._replace(batch=self._batch))
 
-    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
-        """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None, stamp_ns: int = 0) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot.
+
+        The stamp matters where bodies move.
+        """
         images = self._own_images()
-        labels = self._buffers(images)
-        shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
-        render_linear(shading, buffers, view, labels)
+        labels, interval = self._buffers(images), self._interval(world_from_optical, stamp_ns, stamp_ns)
+        render_linear(self._lit(interval), self._framebuffer, self._view(world_from_optical), labels)
         if robot is not None:
-            self._paint(robot, world_from_optical, labels)
-        tonemap(buffers.linear, images.photo)
+            self._paint(robot, world_from_optical, interval, labels)
+        tonemap(self._framebuffer.linear, images.photo)
         return images
 
-    def _paint(self, robot: RobotView, world_from_optical: Array, labels: LabelBuffers) -> None:
+    def _lit(self, interval: Interval) -> Shading:
+        """Return the light, with what moves."""
+        return self._shading._replace(scene=interval.rays)
+
+    def _paint(self, robot: RobotView, world_from_optical: Array, interval: Interval, labels: LabelBuffers) -> None:
         """Put the robot before the world, in the light and in the labels."""
         world_from_base = world_from_optical @ robot.optical_from_base
-        paint_robot(self._shading, robot, world_from_base, labels.depth, self._framebuffer.linear)
+        paint_robot(self._lit(interval), robot, world_from_base, labels.depth, self._framebuffer.linear)
         hide_world(robot, labels)
 
     def _own_images(self) -> CameraImages:
@@ -394,13 +401,13 @@ class Camera(IdealCamera):
         self._meter_share = illumination(config, signal, *points)[:, None]
         self._last: tuple[int, tuple[Exposure, Array]] | None = None
 
-    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
-        """Photograph, label, instance and depth images from a pose (4, 4) at which the camera stands at time 0."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None, stamp_ns: int = 0) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4) at which the camera stands at a stamp."""
         if self.config.signal is None:
-            return super().render(world_from_optical, robot)
+            return super().render(world_from_optical, robot, stamp_ns)
         imager = self.config.imagers()[0]
         pose = world_from_optical @ transforms.inverse(imager.base_from_optical)
-        return self.capture(imager, 0, 0, standing_at(pose), robot)
+        return self.capture(imager, 0, stamp_ns, standing_at(pose), robot)
 
     def capture(
         self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None
@@ -416,11 +423,11 @@ class Camera(IdealCamera):
         """Collect the light of a photograph, and the images of the pose at its stamp."""
         pose = world_from_base(stamp_ns) @ imager.base_from_optical
         if self.config.signal is None or self._signal.is_ideal:
-            return Light(super().render(pose, robot), None)
+            return Light(super().render(pose, robot, stamp_ns), None)
         metered = self.metered(stamp_ns, world_from_base)
         images = self.expose(imager, stamp_ns, world_from_base, metered[0].time_s)
         if robot is not None:
-            self._paint(robot, pose, self._buffers(images))
+            self._paint(robot, pose, self._interval(pose, stamp_ns, stamp_ns), self._buffers(images))
         return Light(images, metered)
 
     def develop(
@@ -465,7 +472,9 @@ class Camera(IdealCamera):
         if signal.exposure == "automatic" or signal.gray_world:
             stamps = stamp_ns - np.rint(metering_lags(signal) * 1e9).astype(np.int64)
             base_from_optical = self.config.imagers()[0].base_from_optical
-            images = [self.metering_image(pose @ base_from_optical) for pose in world_from_base(np.maximum(stamps, 0))]
+            stamps = np.maximum(stamps, 0)
+            poses = world_from_base(stamps) @ base_from_optical
+            images = [self.metering_image(*each) for each in zip(poses, stamps.tolist(), strict=True)]
         stops = 2.0**signal.exposure_ev
         factor = stops * (metered_exposure(signal, images) if signal.exposure == "automatic" else 1.0)
         exposure = exposure_of(signal, factor * world)
@@ -473,13 +482,14 @@ class Camera(IdealCamera):
         self._last = stamp_ns, found
         return found
 
-    def metering_image(self, world_from_optical: Array) -> Array:
+    def metering_image(self, world_from_optical: Array, stamp_ns: int = 0) -> Array:
         """Metering image (n, 3): light at the world's exposure of rays that are evenly spread over the image."""
         batch, lens = self._framebuffer.shading.batch, self.intrinsics
         count = self._meter_points.shape[1]
         batch.image[:, :count] = self._meter_points
         pixel = self.config.width / METERING[0] / lens.fx
-        render_points(self._shading, self._framebuffer.shading, self._view(world_from_optical), count, pixel)
+        interval = self._interval(world_from_optical, stamp_ns, stamp_ns)
+        render_points(self._lit(interval), self._framebuffer.shading, self._view(world_from_optical), count, pixel)
         seen = np.asarray(self._framebuffer.shading.colour[:count] * self._meter_share, np.float32)
         add_glare(seen, self._signal.glare)
         return seen.astype(np.float64)
@@ -490,44 +500,74 @@ class Camera(IdealCamera):
         Their photograph is not written yet.
         """
 
+        def stamps_at(seconds: Array) -> NDArray[np.int64]:
+            return np.maximum(stamp_ns + np.rint(seconds * 1e9).astype(np.int64), 0)
+
         def optical_at(seconds: Array) -> Array:
-            stamps = np.maximum(stamp_ns + np.rint(seconds.ravel() * 1e9).astype(np.int64), 0)
-            poses = world_from_base(stamps) @ imager.base_from_optical
+            poses = world_from_base(stamps_at(seconds.ravel())) @ imager.base_from_optical
             return np.ascontiguousarray(poses).reshape(*seconds.shape, 4, 4)
 
-        read_s = self._signal.readout_ms / 1e3
-        images, view = self._own_images(), self._view(world_from_base(stamp_ns) @ imager.base_from_optical)
-        labels = self._buffers(images)
-        blurred, skewed = (self._motion(view, optical_at, seconds) for seconds in (time_s, read_s))
+        read_s, pose = self._signal.readout_ms / 1e3, world_from_base(stamp_ns) @ imager.base_from_optical
+        begin, end = stamps_at(np.array([-0.5, 0.5]) * (time_s + read_s)).tolist()
+        interval = self._interval(pose, begin, end)
+        images, view = self._own_images(), self._view(pose, float(interval.share(stamp_ns)))
+        labels, shading = self._buffers(images), self._lit(interval)
+        blurred, skewed = (self._motion(view, optical_at, stamps_at, seconds) for seconds in (time_s, read_s))
         count = int(np.clip(np.ceil(blurred), 1, self._signal.blur_samples))
         if count == 1 and skewed < _STILL:
-            render_linear(self._shading, self._framebuffer, view, labels)
+            render_linear(shading, self._framebuffer, view, labels)
             return images
-        label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, labels)
+        label_image(interval.rays, self.scene.hits, self._packet, view, self._batch, labels)
         rows = (np.arange(strips_of(self.config.height)) + 0.5) * STRIP
         read = (rows / self.config.height - 0.5) * read_s
         times = ((np.arange(count) + 0.5) / count - 0.5)[:, None] * time_s + read
+        poses, shares = optical_at(times), interval.share(stamps_at(times))
         if count == 1:
-            render_strips(self._shading, self._framebuffer, view, optical_at(times[0]), self._scratch)
+            render_strips(shading, self._framebuffer, view, poses[0], shares[0], self._scratch)
         else:
-            render_mean(self._shading, self._framebuffer, view, optical_at(times), offsets_of(count))
+            render_mean(shading, self._framebuffer, view, poses, shares, offsets_of(count))
         return images
 
-    def _motion(self, view: View, optical_at: Callable[[Array], Array], seconds: float) -> float:
-        """Motion [pixel] of the image in a time around the stamp: of a few points, all but the fastest twentieth."""
+    def _motion(
+        self,
+        view: View,
+        optical_at: Callable[[Array], Array],
+        stamps_at: Callable[[Array], NDArray[np.int64]],
+        seconds: float,
+    ) -> float:
+        """Motion [pixel] of the image in a time around the stamp: of a few points, all but the fastest twentieth.
+
+        It is at least that of the fastest vertex of a body in the image.
+        """
         if not seconds:
             return 0.0
+        around = np.array([-0.5, 0.5]) * seconds
         batch, count = self._batch, self._meter_points.shape[1]
         batch.image[:, :count] = self._meter_points
-        trace(self.scene.rays.handle, self.scene.hits.geometry_top, self._packet, view, batch, count)
+        trace(self.scene.rays.alone, self.scene.hits.geometry_top, self._packet, view, batch, count)
         rays = batch.direction[:, :count].T.astype(np.float64)
         points = view.pose[:3, 3] + rays * np.where(batch.top[:count] < 0, _FAR, batch.distance[:count])[:, None]
         seen = [
-            lenses.project(self.config.projection, (points - pose[:3, 3]) @ pose[:3, :3])
-            for pose in optical_at(np.array([-0.5, 0.5]) * seconds)
+            lenses.project(self.config.projection, (points - pose[:3, 3]) @ pose[:3, :3]) for pose in optical_at(around)
         ]
         moved = np.linalg.norm(seen[1] - seen[0], axis=1)
-        return float(np.quantile(moved[np.isfinite(moved)], _SWIFT)) if np.isfinite(moved).any() else 0.0
+        most = float(np.quantile(moved[np.isfinite(moved)], _SWIFT)) if np.isfinite(moved).any() else 0.0
+        return max([most, *self._motions_of_bodies(stamps_at(around), optical_at(around))])
+
+    def _motions_of_bodies(self, stamps_ns: NDArray[np.int64], poses: Array) -> Iterator[float]:
+        """Yield the motion [pixel] of the fastest vertex in the image of each body that is near enough."""
+        size = np.array([self.config.width, self.config.height])
+        for body, _, radius in self.scene.moving:
+            world_from_body = body.at(stamps_ns)
+            if np.linalg.norm(world_from_body[0, :3, 3] - poses[0, :3, 3]) > self.config.far + radius:
+                continue
+            begin, end = (
+                lenses.project(self.config.projection, transforms.transform(each, body.mesh.vertices))
+                for each in transforms.inverse(poses) @ world_from_body
+            )
+            with np.errstate(invalid="ignore"):
+                inside = ((begin >= 0) & (begin < size) & np.isfinite(end)).all(axis=1)
+            yield float(np.linalg.norm(end - begin, axis=1)[inside].max(initial=0.0))
 
 
 def _grid(config: CameraConfig) -> Array:

@@ -183,7 +183,7 @@ class CameraSensor(Sensor):
         imager = self._views[output.part]
         if self.config.signal is None:
             pose = at.movement.pose(at.stamp_ns) @ imager.base_from_optical
-            return self._image(self._camera.render(pose, self._robot(imager)), imager, at)
+            return self._image(self._camera.render(pose, self._robot(imager), at.stamp_ns), imager, at)
         return self._camera.light(imager, at.stamp_ns, _poses(at), self._robot(imager))
 
     def signal(self, output: Output, at: At, truth: Light) -> Image:
@@ -195,7 +195,7 @@ class CameraSensor(Sensor):
         """Trace the class ids of a view, for which no light needs to be baked."""
         imager = self._views[output.part]
         pose = at.movement.pose(at.stamp_ns) @ imager.base_from_optical
-        return self._labels.label(pose, self._robot(imager)).label
+        return self._labels.label(pose, self._robot(imager), at.stamp_ns).label
 
     def rays(self) -> Rays:
         """Rays through the pixels' centres; they give label images, photographs, normals and optical flow."""
@@ -246,7 +246,7 @@ class CameraSensor(Sensor):
         if at.next_ns is None:
             return np.full((*images.depth.shape, 2), np.nan, np.float32)
         now, later = (at.movement.pose(stamp) @ imager.base_from_optical for stamp in (at.stamp_ns, at.next_ns))
-        return self._camera.flow(images, now, later, self._robot(imager))
+        return self._camera.flow(images, now, later, self._robot(imager), (at.stamp_ns, at.next_ns))
 
     def _robot(self, imager: Imager) -> RobotView | None:
         """Return the robot as the view sees it; None if it does not."""

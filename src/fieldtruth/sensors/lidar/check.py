@@ -413,6 +413,7 @@ class RetracedClouds(Checker):
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
                 range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, pulsed=True,
                 in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
+                stamp_ns=raw.stamp_ns + int(ray_times_ns(config)[column, ring]) * config.spinning,
             )  # fmt: skip
 
         part = self._tally.part()
