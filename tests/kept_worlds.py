@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds, scenes, light and second tracers that tests of one process share."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, TypeVar, cast
 
@@ -13,6 +13,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.build import load_world
@@ -36,10 +37,12 @@ class Kept:
     def world_of(self, e: Experiment) -> World:
         return self.load_world(e.environment, e.seed, e.layout)
 
-    def scene(self, world: World) -> Scene:
-        return self._once(("scene", id(world)), Scene, world)
+    def scene(self, world: World, bodies: Sequence[MovingBody] = ()) -> Scene:
+        return Scene(world, bodies) if bodies else self._once(("scene", id(world)), Scene, world)
 
-    def tracer(self, world: World) -> ReferenceTracer:
+    def tracer(self, world: World, bodies: Sequence[MovingBody] = ()) -> ReferenceTracer:
+        if bodies:
+            return ReferenceTracer(world, bodies)
         return self._once(("tracer", id(world)), ReferenceTracer, world)
 
     def bake(

@@ -31,7 +31,7 @@ class _Lidar(FakeLidar):
 class _Camera(FakeCamera):
     """Its instances are rows of /gazebo/model_states."""
 
-    def render(self, world_from_optical: NDArray[Any], robot: object = None) -> FakeImages:
+    def render(self, world_from_optical: NDArray[Any], robot: object = None, stamp_ns: int = 0) -> FakeImages:
         images = super().render(world_from_optical)
         return replace(images, instance=images.instance // 300 % 2)
 

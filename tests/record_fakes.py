@@ -156,7 +156,7 @@ class FakeCamera:
     def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False, seed: int = 0) -> None:
         self.config = config
 
-    def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> FakeImages:
+    def render(self, world_from_optical: NDArray[np.float64], robot: object = None, stamp_ns: int = 0) -> FakeImages:
         time.sleep(self.pause)
         height, width = self.config.height, self.config.width
         x, y, z = transforms.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]

@@ -171,7 +171,7 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     class Watch(FakeCamera):
         pause = 0.001
 
-        def render(self, world_from_optical, robot=None):  # type: ignore[no-untyped-def]
+        def render(self, world_from_optical, robot=None, stamp_ns=0):  # type: ignore[no-untyped-def]
             owners.setdefault(id(self), set()).add(threading.get_ident())
             return super().render(world_from_optical)
 
@@ -213,7 +213,7 @@ def test_an_error_in_one_worker_stops_all_and_keeps_finished_slices(
 def test_an_unexpected_error_in_a_worker_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     slices = make_slices(tmp_path, EXPERIMENT)
 
-    def fail(self: FakeCamera, world_from_optical: object, robot: object) -> None:
+    def fail(self: FakeCamera, world_from_optical: object, robot: object, stamp_ns: int) -> None:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(FakeCamera, "render", fail)

@@ -212,7 +212,7 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path) -> None:
             return scan
 
     class WideCamera(FakeCamera):
-        def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> Any:
+        def render(self, world_from_optical: NDArray[np.float64], robot: object = None, stamp_ns: int = 0) -> Any:
             pictures = super().render(world_from_optical)
             return pictures.__class__(**{**pictures.__dict__, "instance": pictures.instance + np.uint32(65_500)})
 
