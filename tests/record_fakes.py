@@ -123,7 +123,7 @@ class FakeImages:
 
 
 class FakeScene:
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, moving: object = ()) -> None:
         self.world = world
 
 
