@@ -160,9 +160,9 @@ class Counting:
         self.count = 0
         render = Camera.render
 
-        def counted(camera: Camera, pose: Any, robot: Any = None) -> Any:
+        def counted(camera: Camera, pose: Any, robot: Any = None, stamp_ns: int = 0) -> Any:
             self.count += 1
-            return render(camera, pose, robot)
+            return render(camera, pose, robot, stamp_ns)
 
         patch.setattr(Camera, "render", counted)
 
