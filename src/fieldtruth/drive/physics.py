@@ -28,7 +28,7 @@ with a tyre's stiffness it does not. ``impratio`` keeps friction stiff: on a slo
 0.001 mm/s. Elliptic cones and Newton; pyramidal ones chatter.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import mujoco
@@ -60,6 +60,7 @@ _IMPEDANCE: Final = 0.01
 _SLIP_DECAY: Final = 50.0  # [1/s]
 _FRICTION_STIFFNESS: Final = 1e6
 _SOLVER_ITERATIONS: Final = 100  # with 20, single steps have spikes in the acceleration
+_NOWHERE: Final = -1e4  # [m], height of a robot that has no place yet
 _BEDROCK: Final = 1.0  # [m] of solid ground below the lowest point
 
 
@@ -217,10 +218,11 @@ class Physics(NamedTuple):
     obstacles: dict[int, str]
 
 
-def build_physics(world: World, rig: Rig, step_s: float = STEP_S) -> Physics:
+def build_physics(world: World, rig: Rig, step_s: float = STEP_S, others: Mapping[str, Rig] | None = None) -> Physics:
     """Build the robot of ``rig`` on the terrain of ``world``; every object with colliders is a fixed obstacle.
 
-    ``step_s`` [s] is that of the physics.
+    ``step_s`` [s] is that of the physics. ``others`` are robots by name, obstacles that are moved: their bodies are the
+    last of MuJoCo's mocap bodies, in this order, and lie deep below the ground until they are placed.
     """
     spec = mujoco.MjSpec()
     option = spec.option
@@ -238,6 +240,8 @@ def build_physics(world: World, rig: Rig, step_s: float = STEP_S) -> Physics:
         body = spec.worldbody.add_body(name=plane_geom(support.geom), mocap=True)
         body.add_geom(name=body.name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
     names = _add_obstacles(spec, world)
+    for name, other in (others or {}).items():
+        names |= dict.fromkeys(_add_other(spec, name, other), name)
     add_robot(spec, rig, step_s)
     for support in bearing:
         spec.add_pair(
@@ -299,6 +303,23 @@ def _add_obstacles(spec: Any, world: World) -> dict[str, str]:
             names[geom] = instance.name
             _add_collider(spec, geom, collider, instance.world_from_object)
     return names
+
+
+def _add_other(spec: Any, name: str, rig: Rig) -> list[str]:
+    """Add another robot; return the names of its geoms."""
+    body, geoms = spec.worldbody.add_body(name=f"robot_{name}", mocap=True, pos=[0.0, 0.0, _NOWHERE]), list[str]()
+    for part, box in body_boxes(rig).items():
+        if part != "chassis":  # inside the outline
+            geoms.append(f"robot_{name}_{part}")
+            body.add_geom(
+                name=geoms[-1],
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=box.size / 2,
+                pos=box.centre,
+                contype=0,
+                conaffinity=OUTLINE_BIT,
+            )
+    return geoms
 
 
 def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: Array) -> None:

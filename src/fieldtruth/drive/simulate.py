@@ -7,7 +7,7 @@ starts to move. The drive ends half a second after the fix that reaches the last
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, Protocol
 
 import mujoco
@@ -271,15 +271,22 @@ class SimulatedRobot:
         monitor: ends a drive that cannot go on.
         soil: what the ground does to the wheels; None for hard ground. Its steps are as long as those of the physics.
         step_ns: step of the physics [ns]. docs/learning.md says what longer ones change.
+        others: robots by name that it meets where ``meet`` puts them.
     """
 
     def __init__(
-        self, world: World, rig: Rig, monitor: Monitor, soil: WheelSoil | None = None, step_ns: int = STEP_NS
+        self,
+        world: World,
+        rig: Rig,
+        monitor: Monitor,
+        soil: WheelSoil | None = None,
+        step_ns: int = STEP_NS,
+        others: Mapping[str, Rig] | None = None,
     ) -> None:
         self.steps = 0
         self._step_ns, self._step_s = step_ns, step_ns / 1e9
         self._every = max(1, EVERY * STEP_NS // step_ns)
-        self._following = Following(world, rig, soil, self._step_s)
+        self._following = Following(world, rig, soil, self._step_s, others)
         self._rig = rig
         self._monitor = monitor
         self._command = STOP
@@ -362,6 +369,10 @@ class SimulatedRobot:
     def surroundings(self) -> Surroundings:
         """Physics of the part of the world around the robot."""
         return self._following.here
+
+    def meet(self, world_from_others: Mapping[str, Array]) -> None:
+        """Put the other robots where their base_link is, (4, 4) by name: obstacles that stand there from now on."""
+        self.surroundings.place(world_from_others)
 
     def advance(self, command: Command, count: int) -> Array:
         """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 13 + 2 wheels)."""

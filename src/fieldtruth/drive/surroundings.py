@@ -34,13 +34,14 @@ parts differs from one in the whole world by rounding. Worlds up to ``WHOLE`` ha
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.ground import WorldParts, bearing_field
 from fieldtruth.drive.physics import CHASSIS_BIT, body_boxes, build_physics, plane_geom, supports
@@ -104,7 +105,7 @@ class WheelContacts:
         self._ground = smooth_ground(field, Tread(self._treads[:, 0].min(), self._treads[:, 1].max(), 0.0))
         self._hubs = np.array([support.hub for support in bearing])
         self._patches = Patches(
-            data.mocap_pos, data.mocap_quat, np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
+            data.mocap_pos[:count], data.mocap_quat[:count], np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
         )
         self._load, self._sinkage = np.zeros(count), np.zeros(count)
         self.wheels = Wheels(
@@ -163,12 +164,20 @@ class Hull:
 
 
 class Surroundings:
-    """Model and state in MuJoCo, the wheels' contacts and the hull of a robot in ``part`` of a world."""
+    """Model and state in MuJoCo, the wheels' contacts and hull of a robot in ``part`` of a world with ``others``."""
 
-    def __init__(self, part: World, rig: Rig, soil: WheelSoil | None, step_s: float = STEP_S) -> None:
+    def __init__(
+        self,
+        part: World,
+        rig: Rig,
+        soil: WheelSoil | None,
+        step_s: float = STEP_S,
+        others: Mapping[str, Rig] | None = None,
+    ) -> None:
         self.bearing: Heightfield = bearing_field(part)
-        self.model, self._obstacles = build_physics(part, rig, step_s)
+        self.model, self._obstacles = build_physics(part, rig, step_s, others)
         self.data = mujoco.MjData(self.model)
+        self._others = {name: self.model.body(f"robot_{name}").mocapid[0] for name in others or {}}
         self._soil = soil
         if isinstance(soil, SoilContact):
             soil.enter(part)
@@ -185,6 +194,13 @@ class Surroundings:
     def is_near_ground(self, near: bool) -> None:
         self.model.geom_conaffinity[self._ground] = CHASSIS_BIT if near else 0
 
+    def place(self, world_from_others: Mapping[str, Array]) -> None:
+        """Put other robots where their base_link is, (4, 4) by name; they stay there."""
+        for name, pose in world_from_others.items():
+            number = self._others[name]
+            self.data.mocap_pos[number] = pose[:3, 3]
+            self.data.mocap_quat[number] = transforms.quaternion_wxyz_from_rotation(pose[:3, :3])
+
     def touched(self) -> tuple[str, float]:
         """Name of the object that the robot touches, and how fast [m/s] they came nearer before the step.
 
@@ -200,8 +216,11 @@ class Surroundings:
         return name, speed
 
     def reset(self) -> None:
-        """Forget all motion: robot, wheels and soil are as they were made."""
+        """Forget all motion: robot, wheels and soil are as they were made; other robots stay where they are."""
+        placed = self.data.mocap_pos.copy(), self.data.mocap_quat.copy()
         mujoco.mj_resetData(self.model, self.data)
+        for number in self._others.values():
+            self.data.mocap_pos[number], self.data.mocap_quat[number] = placed[0][number], placed[1][number]
         self.contacts.wheels.load[:] = self.contacts.wheels.sinkage[:] = 0.0
         if isinstance(self._soil, SoilContact):
             self._soil.state[:] = 0.0
@@ -234,8 +253,16 @@ class FollowingState(NamedTuple):
 class Following:
     """The surroundings of a robot that moves through ``world``."""
 
-    def __init__(self, world: World, rig: Rig, soil: WheelSoil | None, step_s: float = STEP_S) -> None:
+    def __init__(
+        self,
+        world: World,
+        rig: Rig,
+        soil: WheelSoil | None,
+        step_s: float = STEP_S,
+        others: Mapping[str, Rig] | None = None,
+    ) -> None:
         self._parts, self._rig, self._soil, self._step_s = WorldParts(world), rig, soil, step_s
+        self._others = others
         self._middle = np.zeros(2)
         self._here: Surroundings | None = None
 
@@ -256,7 +283,7 @@ class Following:
 
     def _enter(self, xy: Array) -> Surroundings:
         part = self._parts.around(xy, REACH)
-        self._here, self._middle = Surroundings(part, self._rig, self._soil, self._step_s), xy.copy()
+        self._here, self._middle = Surroundings(part, self._rig, self._soil, self._step_s, self._others), xy.copy()
         return self._here
 
     def save(self) -> FollowingState:
