@@ -135,7 +135,7 @@ class RobotSamples(NamedTuple):
     material: IntArray  # (m,)
 
 
-_ALBEDO: Final = np.array([[0.055, 0.057, 0.060], [0.030, 0.029, 0.028], [0.20, 0.20, 0.19]], np.float32)
+ALBEDO: Final = np.array([[0.055, 0.057, 0.060], [0.030, 0.029, 0.028], [0.20, 0.20, 0.19]], np.float32)
 """Of dark paint, rubber and a grey rim, by material: our choice."""
 _MIRROR: Final = np.array([0.04, 0.0, 0.0], np.float32)
 """Reflectance at normal incidence: that of a varnish with the refractive index 1.5, in Schlick's approximation."""
@@ -207,7 +207,7 @@ def paint_samples(
             for channel in range(3):
                 falling = light.sun_rgb[channel] * front + falling_on(probe, channel, nx, ny, nz)
                 level_light = probe[4 * channel] + probe[4 * channel + 3]
-                value = _ALBEDO[material[k], channel] * falling + mirrored * level_light
+                value = ALBEDO[material[k], channel] * falling + mirrored * level_light
                 colour[channel] += share[k] * scale * value
             cover += share[k]
         if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:

@@ -25,6 +25,9 @@ from fieldtruth.world.model import ROBOT_ID
 
 PAINT, RUBBER, METAL = range(3)
 """Materials."""
+REFLECTANCE: Final = (0.05, 0.05, 0.20)
+"""Of a LiDAR's light by material, all matt: paint and steel as ``iron`` and ``steel`` in reflectance.yaml, and rubber
+as black as the paint (our choice)."""
 
 
 def part_table(parts: Sequence[Box | Cylinder]) -> Array:

@@ -45,7 +45,7 @@ from fieldtruth.kernels.lidar_noise import Reading, add_weather, measure
 from fieldtruth.kernels.packets import LANES, Grid, SceneRays, new_packet
 from fieldtruth.sense.air import LIGHT_SPEED, Beam, make_air
 from fieldtruth.sense.moving import Interval
-from fieldtruth.sense.robot import RobotScan
+from fieldtruth.sense.robot import REFLECTANCE, RobotScan
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
 from fieldtruth.world.model import ROBOT_ID, Material, Raster, Terrain, World
@@ -352,9 +352,7 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
     )
 
 
-_ROBOT: Final = np.array([0.05, 0.05, 0.20])
-"""Reflectance of the robot's dark paint, rubber and steel, all matt: as ``iron`` and ``steel`` in reflectance.yaml, and
-rubber as black as the paint (our choice)."""
+_ROBOT: Final = np.array(REFLECTANCE)
 InAir = Callable[[EchoBuffers, np.uint64, Array, Array], None]
 """Changes echoes as the air between LiDAR and surfaces does: ``apparent`` falls by exp(-2 alpha R), and a particle that
 returns more takes the echo with its own ``depth``, ``apparent``, ``label`` and ``instance``. ``true_range`` stays. What
