@@ -295,6 +295,8 @@ class Campaign(Frozen):
         if self.experiments:
             if given:
                 raise ValueError(f"experiments exclude {', '.join(given)}: each listed experiment is one run")
+            if several := [experiment.name for experiment in self.experiments if experiment.robots]:
+                raise ValueError(f"experiments must have one robot each, and {several[0]} has several")
             names = [experiment.name for experiment in self.experiments]
             if len(set(names)) < len(names):
                 raise ValueError(f"experiments must have different names, got {', '.join(names)}")

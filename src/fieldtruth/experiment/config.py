@@ -8,14 +8,16 @@ geodetic form::
     print(fieldtruth.route_yaml(fieldtruth.route_from_metres((-33, -6), [(-22, -3), (-10, 2)])))
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from fieldtruth.core.errors import ConfigurationError, RouteError
+from fieldtruth.core.errors import ConfigurationError, RouteError, UnknownNameError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
+from fieldtruth.core.random import seed_of
 from fieldtruth.experiment.environment_file import CENTRE, Chosen, is_environment_file, resolved
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Name, Number, Positive
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
@@ -153,6 +155,26 @@ StaticObjects = Annotated[Literal["auto", "repeated", "latched"], Field(descript
 /gazebo/static_model_states. auto: once in worlds of more than 500 named objects."""
 
 
+MOST_ROBOTS: Final = 8
+_ROBOT_NAME: Final = re.compile("[a-z][a-z0-9_]{0,31}")
+_LONGEST_NAME: Final = 64
+
+
+class RobotChanges(Frozen):
+    """What one of several robots has in place of the experiment's; None: that of the experiment."""
+
+    rig: Annotated[Rig, Field(description="a name from `fieldtruth list robots`, or a rig")] | None = None
+    route: _Route | None = None
+    control: ControlConfig | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, given: Any) -> Any:
+        if isinstance(given, Mapping) and isinstance(given.get("rig"), str):
+            return {**given, "rig": {"robot": given["rig"]}}
+        return given
+
+
 class Experiment(Frozen):
     """One drive through one environment: the complete input of a data set. Same experiment, same bytes."""
 
@@ -177,6 +199,12 @@ class Experiment(Frozen):
     light: LightConfig = LightConfig()
     weather: WeatherConfig = WeatherConfig()
     static_objects: StaticObjects = "auto"
+    robots: Annotated[
+        Mapping[str, RobotChanges], Field(description=f"a mapping of 2 to {MOST_ROBOTS} names to changes")
+    ] = {}
+    """Several robots in one world by name; see docs/several_robots.md."""
+    namespace: str | None = None
+    """Of the run of one of ``robots``: its name, and the namespace of its topics."""
 
     @model_validator(mode="before")
     @classmethod
@@ -202,12 +230,29 @@ class Experiment(Frozen):
 
     @model_validator(mode="after")
     def _within_limits(self) -> Self:
-        robot = self.rig.robot
-        for key, limit, unit in (("speed", robot.max_speed, "m/s"), ("max_turn_rate", robot.max_turn_rate, "rad/s")):
-            value = getattr(self.control, key)
-            if value > limit:
-                what = f"must be at most {limit:g} {unit}, the limit of the robot {robot.model}, got {value:g}"
-                raise LocatedError(what, ("control", key))
+        _check_limits(self.control, self.rig, ())
+        for name, own in self.robots.items():
+            _check_limits(own.control or self.control, own.rig or self.rig, ("robots", name))
+        return self
+
+    @model_validator(mode="after")
+    def _several(self) -> Self:
+        if self.namespace is not None and self.namespace not in self.robots:
+            raise LocatedError(f"must be one of the robots, got {self.namespace}", ("namespace",))
+        if not self.robots:
+            return self
+        if not 2 <= len(self.robots) <= MOST_ROBOTS:
+            raise LocatedError(f"must be 2 to {MOST_ROBOTS}, got {len(self.robots)}", ("robots",))
+        for name in self.robots:
+            if not _ROBOT_NAME.fullmatch(name):
+                what = "must be named by at most 32 lower-case letters, digits and _, a letter first"
+                raise LocatedError(what, ("robots", name))
+        if given := [key for key in ("drive", "frames") if getattr(self, key) is not None]:
+            raise LocatedError(f"exclude {given[0]}: all robots drive", ("robots",))
+        if lacking := [name for name, own in self.robots.items() if own.route is None and self.route is None]:
+            raise LocatedError(f"is required: {ROUTE_FORMS}", ("robots", lacking[0], "route"))
+        if self.namespace is None and len(self.name) + 1 + max(map(len, self.robots)) > _LONGEST_NAME:
+            raise LocatedError(f"and a robot's name must have {_LONGEST_NAME - 1} letters at most together", ("name",))
         return self
 
     @model_validator(mode="after")
@@ -222,13 +267,39 @@ class Experiment(Frozen):
                 names = ", ".join(name for name, problem in unfit if problem == (key, why))
                 raise ValueError(f"frames need {key}: false of {names}, as {why}")
             return self
-        if self.route is None and self.drive is None:
+        if self.route is None and self.drive is None and not self.robots:
             raise ValueError(
                 f"route is required: {ROUTE_FORMS}; or drive: {{track: FILE}}, or frames: {{count: NUMBER}}"
             )
         if self.route is not None and self.drive is not None:
             raise ValueError("route and drive exclude each other: a track file replaces the route")
         return self
+
+    def of_robot(self, name: str) -> Self:
+        """Return the experiment of one of several robots: its rig, route and control, beside the others.
+
+        Raises:
+            UnknownNameError: no such robot.
+        """
+        if name not in self.robots:
+            raise UnknownNameError("robot", name, self.robots)
+        keys = RobotChanges.model_fields
+        robots = {
+            each: RobotChanges.model_construct(**{key: getattr(own, key) or getattr(self, key) for key in keys})
+            for each, own in self.robots.items()
+        }
+        values = {key: getattr(robots[name], key) for key in keys}
+        whole = self.name.removesuffix(f"_{self.namespace}")
+        return self.model_copy(
+            update={**values, "name": f"{whole}_{name}", "robots": robots, "namespace": name},
+        )
+
+    @property
+    def noise_seed(self) -> int:
+        """Root of the errors of its sensors: the seed; of one of several robots a child of it."""
+        if self.namespace is None:
+            return self.seed
+        return int(seed_of(self.seed, "robot", self.namespace).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
     @property
     def world_name(self) -> str:
@@ -239,6 +310,16 @@ class Experiment(Frozen):
     def origin(self) -> Origin:
         """Origin of the world, as far as the experiment says it: the height of a site's is that of its ground."""
         return origin_of(self.layout)
+
+
+def _check_limits(control: ControlConfig, rig: Rig, at: tuple[str, ...]) -> None:
+    """Raise LocatedError if a robot cannot drive as fast as it shall."""
+    robot = rig.robot
+    for key, limit, unit in (("speed", robot.max_speed, "m/s"), ("max_turn_rate", robot.max_turn_rate, "rad/s")):
+        value = getattr(control, key)
+        if value > limit:
+            what = f"must be at most {limit:g} {unit}, the limit of the robot {robot.model}, got {value:g}"
+            raise LocatedError(what, (*at, "control", key))
 
 
 def origin_of(layout: Mapping[str, Any]) -> Origin:

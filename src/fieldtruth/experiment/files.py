@@ -16,7 +16,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import CENTRE, is_environment_file, with_paths
 from fieldtruth.experiment.fields import configuration_error, shortened
 from fieldtruth.experiment.names import EXPERIMENTS
-from fieldtruth.experiment.rig import MODELS
+from fieldtruth.experiment.rig import MODELS, Rig
 from fieldtruth.experiment.sensor_config import SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 
@@ -61,11 +61,21 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
         data["environment"] = str(folder / Path(str(environment)).expanduser())
     if folder is not None and isinstance(layout, dict):
         data["layout"] = with_paths(layout, folder)
-    if folder is not None and isinstance(rig, dict) and isinstance(rig.get(URDF), str) and rig[URDF]:
-        data["rig"] = rig = rig | {URDF: str(folder / rig[URDF])}
     if folder is not None and rig is not None:
-        data["rig"] = with_signal_files(rig, folder)
+        data["rig"] = _rig_beside(rig, folder)
+    if folder is not None and isinstance(robots := data.get("robots"), dict):
+        data["robots"] = {
+            name: own | {"rig": _rig_beside(own["rig"], folder)} if isinstance(own, dict) and "rig" in own else own
+            for name, own in robots.items()
+        }
     return validated(data, source)
+
+
+def _rig_beside(rig: Any, folder: Path) -> Any:
+    """Return the values of a rig whose URDF and signals may be in files relative to a folder."""
+    if isinstance(rig, dict) and isinstance(rig.get(URDF), str) and rig[URDF]:
+        rig = rig | {URDF: str(folder / rig[URDF])}
+    return with_signal_files(rig, folder)
 
 
 def dump_experiment(experiment: Experiment) -> str:
@@ -75,6 +85,11 @@ def dump_experiment(experiment: Experiment) -> str:
     """
     values = experiment.model_dump(mode="json")
     values["rig"][MODELS] = experiment.rig.models()
+    if not experiment.robots:
+        del values["robots"], values["namespace"]
+    for name, own in experiment.robots.items():
+        if own.rig is not None:
+            values["robots"][name]["rig"][MODELS] = own.rig.models()
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 
@@ -108,17 +123,24 @@ def with_overrides(
     values |= {
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
-    rig = experiment.rig.switched(**switches)
-    if extras is not None:
-        for name in extras:
-            if name not in (known := known_extras()):
-                raise UnknownNameError("extra", name, known)
-        rig = rig.with_each(lambda each: {name: name in extras for name in each.extras})
-    dumped = rig.model_dump()
-    if signal is not None:
-        signals = _signals(signal, rig.sensors)
-        dumped["sensors"] = [item | signals.get(item["name"], {}) for item in dumped["sensors"]]
-    return validated(values | {"rig": dumped}, "")
+    for name in extras or ():
+        if name not in (known := known_extras()):
+            raise UnknownNameError("extra", name, known)
+
+    def changed(rig: Rig) -> dict[str, Any]:
+        rig = rig.switched(**switches)
+        if extras is not None:
+            rig = rig.with_each(lambda each: {name: name in extras for name in each.extras})
+        dumped = rig.model_dump()
+        if signal is not None:
+            signals = _signals(signal, rig.sensors)
+            dumped["sensors"] = [item | signals.get(item["name"], {}) for item in dumped["sensors"]]
+        return dumped
+
+    for name, own in experiment.robots.items():
+        if own.rig is not None:
+            values["robots"][name]["rig"] = changed(own.rig)
+    return validated(values | {"rig": changed(experiment.rig)}, "")
 
 
 def read_signal(given: str) -> str | dict[str, Any]:
