@@ -97,6 +97,7 @@ from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .simulation.due import Frame as Frame
+from .simulation.fleet import Fleet as Fleet
 from .simulation.stepped import Simulation as Simulation
 from .simulation.stepped import frames as frames
 from .validation import Check as Check

@@ -8,14 +8,14 @@ The stages are those of the paper's sections 3 and 4; each passes plain data to 
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Protocol
 
 from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
-from fieldtruth.bag.topics import latches_objects, topics_of_run
-from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.bag.topics import in_namespace, latches_objects, topics_of_run
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.files import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -23,6 +23,7 @@ from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.record.folder import run_folder
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.streams import Sensors, Stream, sensor_factory, streams_of
@@ -30,6 +31,7 @@ from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.first_run import wait_for_kernels
+from fieldtruth.simulation.fleet import Fleet
 from fieldtruth.simulation.stepped import Driven, Simulation
 from fieldtruth.world.model import World
 
@@ -66,7 +68,8 @@ class PreparedHere(Driven):
     @cached_property
     def key(self) -> str:
         """Key of its slices."""
-        return slices_key(dump_experiment(self.experiment), self.world, self.track)
+        others = [self.robots] * bool(self.robots)
+        return slices_key(dump_experiment(self.experiment), self.world, self.track, *others)
 
     @property
     def latched(self) -> bool:
@@ -76,14 +79,29 @@ class PreparedHere(Driven):
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
         provenance.note(folder, [provenance.this_process()])
-        streams = self.streams()
-        sensors = self.new_sensors or sensor_factory(self.sensor_world, self.sensed())
-        return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
+        own, topics, streams = self.experiment.namespace, self.topics, self.streams()
+        if own is not None:
+            streams = [each._replace(topics=tuple(in_namespace(name, own) for name in each.topics)) for each in streams]
+        return Slices(folder, streams, topics, self.new_sensors or sensor_factory(self.sensor_world, self.sensed()))
+
+    @property
+    def topics(self) -> list[Topic]:
+        """Topics of the bag."""
+        own, topics = self.experiment.namespace, topics_of_run(self.experiment, latched=self.latched)
+        return [each._replace(name=in_namespace(each.name, own)) for each in topics]
 
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""
-        made, latched = self.experiment, self.latched
-        return streams_of(self.world, self.track, made.rig, latched=latched, movement=self.movement, seed=made.seed)
+        made = self.experiment
+        return streams_of(
+            self.world,
+            self.track,
+            made.rig,
+            latched=self.latched,
+            movement=self.movement,
+            seed=made.noise_seed,
+            robots=self.robots,
+        )
 
     def sensed(self) -> Rig:
         """Return the rig with the sensors that are needed to make the streams."""
@@ -119,6 +137,8 @@ def generate(
 ) -> Path:
     """Generate a data set: ``out/NAME/NAME.bag``, its experiment.yaml, data card, made_by.json and checksums.
 
+    Of several robots each has a run of its own: ``out/NAME/ROBOT/NAME_ROBOT.bag`` with its files.
+
     The bytes do not depend on the number of workers or on interruptions. A run that was interrupted, by Ctrl-C, a kill
     or a full disk, resumes when it is called again.
 
@@ -132,7 +152,7 @@ def generate(
         progress: receives the progress.
 
     Returns:
-        Path of the bag.
+        Path of the bag; of several robots, the folder of their runs.
 
     Raises:
         UnknownNameError: unknown environment.
@@ -159,12 +179,52 @@ def generate_by(
 ) -> Path:
     """Generate a data set as ``generate`` does, where world, drive and slices are made by an engine; None: here."""
     simulation = experiment if isinstance(experiment, Simulation) else Simulation(experiment)
+    made, folder = simulation.experiment, output_folder(out, simulation.experiment.name)
+    record = partial(
+        _generate_run, workers=workers, overwrite=overwrite, progress=Silent() if progress is None else progress
+    )
+    if not made.robots:
+        return record(engine or prepare, simulation, folder / made.name)
+    if engine is not None:
+        raise ConfigurationError(f"{made.name} has several robots, which drive in one process; leave the cluster out")
+    fleet, driven = Fleet(made, world=simulation.given_world), dict[Simulation, PreparedHere]()
+
+    def prepared(robot: Simulation, progress: Progress) -> PreparedHere:
+        if not driven:
+            driven.update(_prepare_fleet(fleet, progress))
+        return driven[robot]
+
+    if made.namespace is not None:  # one of them is made again
+        return record(prepared, fleet.robots[made.namespace], folder / made.name)
+    runs = {name: folder / made.name / name for name in fleet.robots}
+    left = [name for name, path in runs.items() if overwrite or not (path / f"{made.name}_{name}.bag").exists()]
+    for name in left or runs:  # those that are there say so
+        record(prepared, fleet.robots[name], runs[name])
+    return folder / made.name
+
+
+def _prepare_fleet(fleet: Fleet, progress: Progress) -> dict[Simulation, PreparedHere]:
+    """Build the world, and drive all robots together."""
+    with progress.stage("build the world"):
+        world = fleet.world
+    seconds = [expected_seconds(each.experiment) or 0.0 for each in fleet.robots.values()]
+    with progress.stage("drive", max(seconds)) as advance:
+        driven = fleet.drive(advance)
+    return {
+        fleet.robots[name]: PreparedHere(each.experiment, world, each.track, moving=each.moving, robots=each.robots)
+        for name, each in driven.items()
+    }
+
+
+def _generate_run(
+    engine: Engine, simulation: Simulation, path: Path, *, workers: int | None, overwrite: bool, progress: Progress
+) -> Path:
+    """Generate the run of one robot in a folder."""
     made, track = simulation.experiment, simulation.track_file
     _warn_of_weather(made)
-    folder, text = output_folder(out, made.name), None if track is None else track.csv()
-    progress = Silent() if progress is None else progress
-    with run_folder(made, folder, overwrite=overwrite, track=text) as run:
-        prepared = (engine or prepare)(simulation, progress)
+    text = None if track is None else track.csv()
+    with run_folder(made, path, overwrite=overwrite, track=text) as run:
+        prepared = engine(simulation, progress)
         run.begin(made, overwrite=overwrite, track=text)
         slices_folder = run.slices(prepared.key)
         with progress.stage("prepare the scene"):

@@ -195,30 +195,40 @@ def _list_of(items: Iterable[tuple[Field, ...]]) -> list[Field]:
 
 
 class ModelStatesWriter:
-    """Writes gazebo_msgs/ModelStates, in which only the robot moves.
+    """Writes gazebo_msgs/ModelStates, in which only robots move.
 
     Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest, or
-    only the first ``rows``. The twist is that of base_link's origin in the world frame, as in Gazebo.
+    only the first ``rows``. The twist is that of base_link's origin in the world frame, as in Gazebo. Behind them are
+    the robots of an experiment with several, of which one is the first row, too; after its motion each stands still.
     """
 
-    def __init__(self, world: World, rows: int | None = None) -> None:
-        names = [ROBOT, *world.object_names[1:]][:rows]
+    def __init__(self, world: World, rows: int | None = None, robots: Mapping[str, Motion] | None = None) -> None:
+        self._robots = list((robots or {}).values())
+        names = [ROBOT, *world.object_names[1 : len(world.object_names) - len(self._robots)]][:rows]
         poses = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(names), 1))
         for instance in world.instances:
             if instance.object_id < len(names):
                 poses[instance.object_id] = _pose(instance.world_from_object)
-        count, still = struct.pack("<L", len(names)), bytes(48 * (len(names) - 1))
-        self._before = count + b"".join(map(text_field, names)) + count
-        self._between, self._after = poses[1:].tobytes() + count, still
-        self.template = b"".join([self._before, poses[:1].tobytes(), self._between, bytes(48), still])
-        """The message with the robot at the origin."""
+        self._count = struct.pack("<L", len(names) + len(self._robots))
+        self._before = self._count + b"".join(map(text_field, [*names, *(robots or {})])) + self._count
+        self._between, self._still = poses[1:].tobytes(), bytes(48 * (len(names) - 1))
+        self.template = b"".join([self._before, poses.tobytes(), self._count, bytes(48), self._still])
+        """The message with the robot at the origin, of a world with one robot."""
 
     def message(self, k: int, motion: Motion) -> bytes:
         """Serialise the message at row ``k`` of the motion."""
-        w, x, y, z = motion.quaternion_wxyz[k]
-        pose = struct.pack("<7d", *motion.position[k], x, y, z, w)
-        twist = struct.pack("<6d", *motion.linear_velocity[k], *motion.angular_velocity[k])
-        return b"".join([self._before, pose, self._between, twist, self._after])
+        (pose, twist), others = _state(motion, k), [_state(each, k) for each in self._robots]
+        poses, twists = (b"".join(parts) for parts in zip(*others, strict=True)) if others else (b"", b"")
+        return b"".join([self._before, pose, self._between, poses, self._count, twist, self._still, twists])
+
+
+def _state(motion: Motion, k: int) -> tuple[bytes, bytes]:
+    """Pose and twist of a row; behind the last one it stands where it was."""
+    if k >= len(motion.stamps_ns):
+        return _state(motion, len(motion.stamps_ns) - 1)[0], bytes(48)
+    w, x, y, z = motion.quaternion_wxyz[k]
+    pose = struct.pack("<7d", *motion.position[k], x, y, z, w)
+    return pose, struct.pack("<6d", *motion.linear_velocity[k], *motion.angular_velocity[k])
 
 
 def _pose(world_from_object: Array) -> Array:

@@ -24,7 +24,7 @@ from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.file import MCAP, BagError, Layout, Ros1File, StoredFile, first_bytes, is_database, read_errors
 from fieldtruth.bag.ros2 import DatabaseFile
-from fieldtruth.bag.topics import ODOMETRY, standard_name
+from fieldtruth.bag.topics import ODOMETRY, namespace_of, standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
 
@@ -54,8 +54,11 @@ class BagReader:
     def __init__(self, path: Path, file: StoredFile, *, own_names: bool) -> None:
         self.path, self._file, self.layout = path, file, file.layout
         topics = {connection.topic for connection in file.connections}
+        namespace = None if own_names else namespace_of(topics)
         own_names = own_names or ODOMETRY in topics  # the paper's data set has none, ours always
         name = {topic: topic if own_names else _name(topic, topics) for topic in topics}
+        if namespace is not None:
+            name = {topic: topic.removeprefix(f"/{namespace}") for topic in topics}
         self._by_id = {c.id: c._replace(topic=name[c.topic]) for c in file.connections}
         counts: dict[str, int] = {}
         for connection in self._by_id.values():
@@ -156,7 +159,8 @@ def open_bag(path: Path | str, *, own_names: bool = False) -> Iterator[BagReader
 
     Args:
         path: the file.
-        own_names: keep the names of the topics of the paper's data set; otherwise they are ours (``standard_name``).
+        own_names: keep the names of topics; otherwise those of the paper's data set are ours (``standard_name``), and
+            those of one of several robots are without their namespace.
 
     Raises:
         BagError: no such file, not a bag, a truncated one, or one with a damaged index.

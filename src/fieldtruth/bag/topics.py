@@ -7,7 +7,7 @@ images' in `experiment/image_topics.py`. Their order is that of connection numbe
 stamp.
 """
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Collection, Container, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -81,6 +81,18 @@ def standard_name(topic: str) -> str:
     absolute = f"/{topic.lstrip('/')}"
     name = _PUBLISHED.get(absolute, absolute)
     return name if any(row.name == name for row in PAPER_TOPICS) else topic
+
+
+def in_namespace(topic: str, namespace: str | None) -> str:
+    """Return the name of a topic in the bag of one of several robots: all but /clock are in its namespace."""
+    return topic if namespace is None or topic == CLOCK else f"/{namespace}{topic}"
+
+
+def namespace_of(topics: Collection[str]) -> str | None:
+    """Return the namespace of the topics of a bag of ours, as ``in_namespace`` adds it; None without one."""
+    name = next((topic.removesuffix(ODOMETRY)[1:] for topic in topics if topic.endswith(ODOMETRY)), "")
+    inside = name and all(topic == CLOCK or topic.startswith(f"/{name}/") for topic in topics)
+    return name if inside else None
 
 
 def objects_topic(present: Container[str]) -> str:

@@ -114,6 +114,7 @@ class Drive:
         experiment: supplies control, soil and rig.
         route: start and first waypoints.
         progress: called after every simulated second with the simulated time [s].
+        others: robots by name that it meets; see ``SimulatedRobot``.
     """
 
     def __init__(
@@ -122,16 +123,19 @@ class Drive:
         experiment: Experiment,
         route: RouteConfig,
         progress: Callable[[float], None] | None = None,
+        others: Mapping[str, Rig] | None = None,
     ) -> None:
         self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
         self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
-        self.robot = SimulatedRobot(world, self._rig, self._monitor, soil)
+        self.robot = SimulatedRobot(world, self._rig, self._monitor, soil, others=others)
         self.end: float = math.inf
         """Physics step at which the drive ends: infinite until it is limited, or the last waypoint is reached."""
         self.endless = False
         """True: a robot that has reached the last waypoint stands there, and the drive does not end by it."""
+        self.whole = 1
+        """Steps of which the end is a multiple."""
         self._state = self.robot.spawn(
             horizontal_from_geodetic(route.start, world.origin), self._follower.waypoints_xy[0]
         )
@@ -180,7 +184,12 @@ class Drive:
     def limit(self, seconds: float | None) -> None:
         """End the drive after this time [s] at the latest."""
         if seconds is not None:
-            self.end = max(1, round(seconds / STEP_S))
+            self.end = self._whole(max(1, round(seconds / STEP_S)))
+
+    @property
+    def ended(self) -> bool:
+        """Return whether the end is reached."""
+        return self.robot.steps >= self.end
 
     def finish(self, seconds: float | None = None) -> Track:
         """Drive to the last waypoint and stop there, or for ``seconds``; return the whole track.
@@ -213,6 +222,21 @@ class Drive:
         self._blocks, self._commands = [], []
         return motion, wheels
 
+    def go_on(self, step: int) -> Motion:
+        """Drive to a physics step, or where the drive ends before it to the end of the sweep; return the motion since.
+
+        ``finish`` returns all of it. Raises as ``drive_to``.
+        """
+        first, known = self.robot.steps + 1, len(self._blocks)
+        while self._advance(min(step, self.end)):
+            pass
+        while self.ended and self._advance(math.inf):
+            pass
+        return _motion(self._blocks[known:], first)
+
+    def _whole(self, step: int) -> int:
+        return -(-step // self.whole) * self.whole
+
     def _follow(self) -> Command:
         return self._follower.command(heading(self._state[_QUATERNION]))
 
@@ -221,7 +245,7 @@ class Drive:
         robot, began, rate = self.robot, self.robot.steps, self._rig.first(Inertial).rate_hz
         begins = began == due_step(rate, self._periods)
         if begins and self._follower.finished and not self._arrived and not self.endless:
-            self._arrived, self.end = True, min(self.end, began + round(STOP_SECONDS / STEP_S))
+            self._arrived, self.end = True, min(self.end, self._whole(began + round(STOP_SECONDS / STEP_S)))
         last = self.end + self._sweep
         if began >= min(step, last):
             return False

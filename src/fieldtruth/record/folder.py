@@ -77,15 +77,15 @@ class RunFolder(NamedTuple):
 
 @contextmanager
 def run_folder(
-    experiment: Experiment, out: Path, *, overwrite: bool = False, track: str | None = None
+    experiment: Experiment, path: Path, *, overwrite: bool = False, track: str | None = None
 ) -> Iterator[RunFolder]:
-    """Open OUT/NAME for a run and lock it against other processes; ``track`` is the text of its track.csv.
+    """Open the folder of a run, OUT/NAME, and lock it against other processes; ``track`` is the text of its track.csv.
 
     Raises:
         OutputError: the folder holds a finished bag or another experiment and ``overwrite`` is off, is in use, lies
-            outside ``out`` through a link, or cannot be written.
+            outside OUT through a link, or cannot be written.
     """
-    path = out / experiment.name
+    out = path.parent
     with new_folder(path):
         if not path.resolve().is_relative_to(out.resolve()) or (path / _SLICES).is_symlink():
             raise OutputError(f"{path} leads out of {out} through a link; remove the link or choose another folder")

@@ -12,7 +12,7 @@ above the one before. A reading whose clock shows 0 or less is lost, as ROS has 
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -23,7 +23,7 @@ from fieldtruth.bag import messages, topics
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.random import rng_of
-from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate
+from fieldtruth.drive.track import Commands, Motion, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import ClockConfig, Output, SensorConfig
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of, stamps_of
@@ -155,6 +155,7 @@ def streams_of(
     latched: bool = False,
     movement: Movement | None = None,
     seed: int | None = None,
+    robots: Mapping[str, Motion] | None = None,
 ) -> list[Stream]:
     """Return every stream of a recording, in the order of ``topics_of``.
 
@@ -165,10 +166,12 @@ def streams_of(
         latched: whether static objects come once.
         movement: that of the track, if it was made; it keeps what sensors have measured.
         seed: of the sensors' clocks; None for the world's.
+        robots: motions of all robots of an experiment with several, by name, in the order of their ids.
     """
     end_ns, movement = int(track.motion.stamps_ns[-1]), movement or movement_of(track)
     poses = track.motion.stamps_ns if track.is_frames else stamps_at_rate(topics.POSE_RATE, end_ns)
-    streams = _truth(world, track, rig, poses, latched=latched)
+    writers = [messages.ModelStatesWriter(world, rows, robots) for rows in [None, GROUND_ID + 1][: 1 + latched]]
+    streams = _truth(world, track, rig, poses, writers)
     for config in rig.in_order():
         series = series_along(config, rig, track, world.seed if seed is None else seed)
         streams += [stream_of(each, movement) for each in series]
@@ -187,10 +190,11 @@ def _small(topic: str, stamps_ns: Stamps, make: Callable[[Counts], Iterable[byte
     return Stream((topic,), stamps_ns, lambda numbers, _: ((data,) for data in make(numbers)))
 
 
-def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool) -> list[Stream]:
+def _truth(
+    world: World, track: Track, rig: Rig, poses: Stamps, writers: Sequence[messages.ModelStatesWriter]
+) -> list[Stream]:
+    """Return the streams of the true motion; of two writers, the first is that of static objects."""
     motion, base = track.motion, track.base
-    objects = messages.ModelStatesWriter(world)
-    states = messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
     fixed = messages.fixed_transforms(rig, world.origin)
     every_step = motion.stamps_ns
     rows, mounts = np.searchsorted(every_step, poses), messages.wheel_mounts(rig)
@@ -206,8 +210,8 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     return [
         _small(topics.CLOCK, every_step, lambda numbers: messages.clocks(every_step[numbers])),
         _small(topics.TF_STATIC, every_step[:1], lambda _: [messages.tf_static(int(every_step[0]), fixed)]),
-        *[_small(topics.STATIC_MODEL_STATES, every_step[:1], all_objects(objects))] * latched,
-        _small(topics.MODEL_STATES, every_step, all_objects(states)),
+        *[_small(topics.STATIC_MODEL_STATES, every_step[:1], all_objects(each)) for each in writers[:-1]],
+        _small(topics.MODEL_STATES, every_step, all_objects(writers[-1])),
         _small(topics.ODOMETRY, poses, lambda numbers: messages.odometry(numbers, motion.at(rows[numbers]))),
         _small(topics.TF, poses, tf),
     ]

@@ -13,7 +13,7 @@ import numpy as np
 import fieldtruth
 from fieldtruth.bag.file import TRACK
 from fieldtruth.bag.messages import EARTH, fixed_transforms
-from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
+from fieldtruth.bag.topics import in_namespace, latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.core.geodesy import Origin
@@ -171,7 +171,8 @@ def data_card(
         counts: number of messages by topic.
         measured: lines about what sensors have measured.
     """
-    rig = experiment.rig
+    rig, own = experiment.rig, experiment.namespace
+    topics = topics_of_run(experiment, latched=latches_objects(experiment, len(world.instances)))
     return _TEMPLATES.get_template("card.md.jinja").render(
         experiment=experiment,
         robot=rig.robot,
@@ -183,8 +184,8 @@ def data_card(
         content=frame_content(rig),
         version=fieldtruth.__version__,
         counts=counts,
-        topics=topics_of_run(experiment, latched=latches_objects(experiment, len(world.instances))),
-        objects_topic=objects_topic(counts),
+        topics=[topic._replace(name=in_namespace(topic.name, own)) for topic in topics],
+        objects_topic=in_namespace(objects_topic([topic.name for topic in topics]), own),
         sensors=[*sensor_lines(rig), *measured],
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),

@@ -47,6 +47,7 @@ from fieldtruth.drive.track import (
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.simulation.company import KNOT_STEPS, Company
 from fieldtruth.world.model import Collider, World
 
 _STRIDE: Final = 10
@@ -344,9 +345,18 @@ class GrowingMotion(ABC):
 class LiveMotion(GrowingMotion):
     """The drive of a robot in the physics; an endless one does not end at the last waypoint."""
 
-    def __init__(self, world: World, experiment: Experiment, route: RouteConfig, *, endless: bool = False) -> None:
-        self._drive = Drive(world, experiment, route)
-        self._drive.endless = endless
+    def __init__(
+        self,
+        world: World,
+        experiment: Experiment,
+        route: RouteConfig,
+        *,
+        endless: bool = False,
+        company: Company | None = None,
+    ) -> None:
+        name = experiment.namespace
+        self._drive = Drive(world, experiment, route, others=company.others(name) if company and name else None)
+        self._drive.endless, self._drive.whole = endless, KNOT_STEPS if company else 1
         self._drive.limit(experiment.seconds)
         self._motion, self._wheels = self._drive.drive_to(0)
         self._start = pose_from_quaternion_wxyz(*self.robot.pose)
@@ -436,6 +446,7 @@ def motion_of(
     route: RouteConfig | None,
     *,
     endless: bool = False,
+    company: Company | None = None,
 ) -> GrowingMotion:
     """Put the robot at the start of a route that was planned, or find the poses that are given.
 
@@ -443,5 +454,5 @@ def motion_of(
         RouteError, TrackError: as ``track_in``.
     """
     if given is None and experiment.frames is None and route is not None:
-        return LiveMotion(world, experiment, route, endless=endless)
+        return LiveMotion(world, experiment, route, endless=endless, company=company)
     return GivenMotion(track_in(world, experiment, given))

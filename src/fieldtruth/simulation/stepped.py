@@ -8,7 +8,7 @@ For all readings (``frames``) the robot drives first, and threads sense ahead.
 import math
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from itertools import groupby
@@ -23,7 +23,7 @@ from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import experiments_in, plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.track import STEP_NS, STEP_S, Track, state_at
+from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track, state_at
 from fieldtruth.experiment.config import Experiment, RouteConfig, route_from_metres
 from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
@@ -32,9 +32,11 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
 from fieldtruth.record.streams import Series, sensor_factory, series_along
+from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.company import Company
 from fieldtruth.simulation.due import DueReadings, Frame, frame_of, wanted_outputs
 from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.motion import (
@@ -132,11 +134,15 @@ class Driven:
     """The world in the ray tracer, if it was built."""
     reuse: bool = field(default=False, kw_only=True)
     """True if the arrays of a reading may be overwritten by the next one."""
+    moving: Sequence[MovingBody] = field(default=(), kw_only=True)
+    """The other robots of the experiment."""
+    robots: Mapping[str, Motion] = field(default_factory=dict, kw_only=True)
+    """Motions of all robots of an experiment that has several."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
         """World, light and weather in which the sensors read."""
-        return sensor_world_of(self.experiment, self.world, self.scene, reuse=self.reuse)
+        return sensor_world_of(self.experiment, self.world, self.scene, reuse=self.reuse, moving=self.moving)
 
     @cached_property
     def movement(self) -> Movement:
@@ -145,12 +151,26 @@ class Driven:
 
 
 def sensor_world_of(
-    experiment: Experiment, world: World, scene: Scene | None = None, *, reuse: bool = False, workers: int = 1
+    experiment: Experiment,
+    world: World,
+    scene: Scene | None = None,
+    *,
+    reuse: bool = False,
+    workers: int = 1,
+    moving: Sequence[MovingBody] = (),
 ) -> SensorWorld:
     """Return the world, light and weather in which the sensors of an experiment read."""
     made = experiment
     return SensorWorld(
-        world, made.rig, made.light, made.weather, scene=scene, seed=made.seed, reuse=reuse, workers=workers
+        world,
+        made.rig,
+        made.light,
+        made.weather,
+        scene=scene,
+        seed=made.noise_seed,
+        reuse=reuse,
+        workers=workers,
+        moving=moving,
     )
 
 
@@ -228,6 +248,8 @@ class Simulation:
         self._failed = ""
         self.endless = False
         """True: from the next ``reset`` on, a drive does not end at the last waypoint, where the robot then stands."""
+        self.company: Company | None = None
+        """The robots of an experiment with several, of which this one is stepped by ``Fleet``."""
 
     @property
     def experiment(self) -> Experiment:
@@ -238,6 +260,11 @@ class Simulation:
     def world(self) -> World:
         """The world: terrain, objects, materials; ``world.terrain.field.height_at(x, y)`` is the ground [m]."""
         return self._built().world
+
+    @property
+    def given_world(self) -> World | None:
+        """The world that was given; None if the experiment's is built."""
+        return self._own_world
 
     @property
     def scene(self) -> Scene:
@@ -300,12 +327,21 @@ class Simulation:
     def _built(self) -> SensorWorld:
         """Return the world with its scene and light; it is built at the first use."""
         if self._sensor_world is None:
+            company, name = self.company, self._experiment.namespace
+            if self._experiment.robots and (company is None or name is None):
+                robots = ", ".join(self._experiment.robots)
+                raise ConfigurationError(f"{self._experiment.name} has several robots ({robots}), which a Fleet drives")
             self._route = None
             read = {name.partition("/")[0] for name in self.wanted}
             rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
-            world = world_of(self._experiment) if self._own_world is None else self._own_world
-            self._sensor_world = sensor_world_of(self._experiment, world, self._own_scene, workers=cpu_count())
+            world, moving = self._own_world, list[MovingBody]()
+            if company is not None and name is not None:
+                world, moving = company.world, company.bodies(name)
+            world = world_of(self._experiment) if world is None else world
+            self._sensor_world = sensor_world_of(
+                self._experiment, world, self._own_scene, workers=cpu_count(), moving=moving
+            )
         return self._sensor_world
 
     def prepare(self) -> None:
@@ -337,10 +373,10 @@ class Simulation:
         if self._route is None and made.route is not None and made.frames is None:
             self._route = plan_route(world, made)
         route = self._route if start is None else self._route_from(start)
-        self._motion = motion_of(world, made, self._given.track, route, endless=self.endless)
+        self._motion = motion_of(world, made, self._given.track, route, endless=self.endless, company=self.company)
         stands = self._motion.stands
         self._due = [
-            DueReadings(config, made.rig, made.seed, stands)
+            DueReadings(config, made.rig, made.noise_seed, stands)
             for config in made.rig.in_order()
             if (config.sees or stands is None)
             and self.wanted & {output.name for output in config.outputs_on(made.rig.robot)}
@@ -526,7 +562,7 @@ class _Sensing:
         self._series = [
             series
             for config in rig.in_order()
-            for series in series_along(config, rig, driven.track, driven.experiment.seed)
+            for series in series_along(config, rig, driven.track, driven.experiment.noise_seed)
             if series.output.name in wanted
         ]
         names = {series.config.name for series in self._series}
