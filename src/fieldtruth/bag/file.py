@@ -386,11 +386,22 @@ def find_bag(path: Path | str) -> Path:
         bags = bags or ([own] if own.exists() else sorted(path.glob(f"*{ending}")))
     if len(bags) != 1 and is_database(path):
         return path
+    if not bags and (robots := runs_of_robots(path)):
+        given = ", ".join(map(str, robots))
+        raise BagError(f"{path} has a run of each of several robots; give one: {given}")
     if len(bags) != 1:
         what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
         raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")
     first_bytes(bags[0])
     return bags[0]
+
+
+def runs_of_robots(path: Path | str) -> list[Path]:
+    """Return the folders of the runs of several robots in the folder of an experiment; none in other folders."""
+    folder = Path(path)
+    return sorted(
+        bag.parent for bag in folder.glob("*/*.bag") if bag.stem == f"{folder.resolve().name}_{bag.parent.name}"
+    )
 
 
 def experiment_of(bag: Path) -> Experiment | None:

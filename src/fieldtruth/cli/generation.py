@@ -139,10 +139,11 @@ def _generate(options: argparse.Namespace) -> int | None:
     experiment = with_overrides(checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
+    from fieldtruth.bag.file import find_bag, runs_of_robots
     from fieldtruth.pipeline import generate_by
 
     with _engine(options) as engine, show_progress(title=_title(experiment)) as progress:
-        bag = generate_by(
+        made = generate_by(
             engine,
             experiment,
             "data" if options.out is None else options.out,
@@ -150,7 +151,10 @@ def _generate(options: argparse.Namespace) -> int | None:
             overwrite=options.overwrite,
             progress=progress,
         )
-    _print_bag(bag, start)
+    for folder in runs_of_robots(made):
+        _print_bag(find_bag(folder), start)
+    if made.is_file():
+        _print_bag(made, start)
     return None
 
 
@@ -158,9 +162,11 @@ def _title(experiment: "Experiment") -> str:
     """Say what is simulated, and how much longer a first run takes."""
     from fieldtruth.simulation.first_run import lacks_kernels
 
-    frames, seconds = experiment.frames, experiment.seconds
+    frames, seconds, robots = experiment.frames, experiment.seconds, experiment.robots
     what = f"{seconds:g} s" if seconds else "the route" if frames is None else f"{frames.count} frames"
-    sensors = f"{len(experiment.rig.in_order())} sensors in {experiment.world_name}, seed {experiment.seed}"
+    rigs = [experiment.of_robot(name).rig for name in robots] or [experiment.rig]
+    count = f"{sum(len(rig.in_order()) for rig in rigs)} sensors{f' of {len(robots)} robots' * bool(robots)}"
+    sensors = f"{count} in {experiment.world_name}, seed {experiment.seed}"
     first = "; the first run compiles, too, and takes a minute or two longer than later ones"
     return f"{experiment.name}: {what} with {sensors}{first * lacks_kernels(experiment)}"
 

@@ -76,20 +76,25 @@ def _annotate(options: argparse.Namespace) -> None:
 
 
 def _validate(options: argparse.Namespace) -> int:
+    from fieldtruth.bag.file import runs_of_robots
     from fieldtruth.validation import as_json, as_text
     from fieldtruth.validation.runner import validate
 
-    with show_progress() as progress:
-        checks = validate(
-            options.run_path,
-            workers=options.workers,
-            progress=progress,
-            quick=options.quick,
-            full=options.full,
-            samples=options.samples,
-        )
-    print(as_json(checks) if options.json else as_text(checks))
-    return FAILED if any(check.passed is False for check in checks) else 0
+    failed, robots = False, runs_of_robots(options.run_path)
+    for path in robots or [options.run_path]:
+        with show_progress() as progress:
+            checks = validate(
+                path,
+                workers=options.workers,
+                progress=progress,
+                quick=options.quick,
+                full=options.full,
+                samples=options.samples,
+            )
+        heading = f"{path}:\n" * bool(robots and not options.json)
+        print(heading + (as_json(checks) if options.json else as_text(checks)))
+        failed |= any(check.passed is False for check in checks)
+    return FAILED if failed else 0
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -144,6 +144,11 @@ class Context:
         return self.run.experiment
 
     @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots of an experiment with several."""
+        return () if self.experiment is None else tuple(self.experiment.robots)
+
+    @property
     def rig(self) -> Rig:
         """Rig of the run; of a bag from elsewhere the paper's."""
         return self.run.rig

@@ -33,10 +33,11 @@ from fieldtruth.experiment.config import FRAME_RATE, Experiment, geodetic_route,
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at, is_attitude
 
-STILL: Final = Rule("only the robot moves, and names do not change")
+STILL: Final = Rule("only robots move, and names do not change")
 UNIQUE: Final = Rule("names are unique")
+SAME_ROBOT: Final = Rule("of several robots, that of the run is where the first row has it")
 _NO_STATES: Final = f"no {table.MODEL_STATES} with a model {ROBOT!r}"
-STATIC_OBJECTS: Final[Spec] = Spec("static objects", (STILL, UNIQUE), "messages", _NO_STATES)
+STATIC_OBJECTS: Final[Spec] = Spec("static objects", (STILL, UNIQUE, SAME_ROBOT), "messages", _NO_STATES)
 
 UNIT: Final = Rule("attitudes are unit quaternions", 1e-9, "from length 1", minor=True)
 # 10 ms of jitter in the stamps at several metres a second.
@@ -69,6 +70,7 @@ class ModelStates(Checker):
         if context.run.is_frames:
             self._motion.skipped = "separate frames: the robot does not move from one to the next"
         self.tallies = [self._static, self._motion]
+        self._namespace = (context.experiment and context.experiment.namespace) or ""
         self._first: tuple[tuple[str, ...], Array] | None = None
         self._stamps: list[int] = []
         self._rows: list[Array] = []
@@ -87,7 +89,11 @@ class ModelStates(Checker):
         row = names.index(ROBOT)
         others = np.concatenate([poses, twists], axis=1)
         state = others[row, [0, 1, 2, 6, 3, 4, 5, 7, 8, 9, 10, 11, 12]]
-        others[row] = 0.0
+        own = [names.index(name) for name in self._context.robots if name in names]
+        if (namespace := self._namespace) in names:
+            twin = others[names.index(namespace)]
+            self._static[SAME_ROBOT].see(np.array_equal(twin, others[row]), f"{at(raw)}: {namespace!r}")
+        others[[row, *own]] = 0.0
         if self._first is None:
             self._first = names, others
         same = names == self._first[0] and np.array_equal(others, self._first[1])

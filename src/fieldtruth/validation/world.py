@@ -16,14 +16,19 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.messages import ModelStatesWriter
-from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import Run
-from fieldtruth.core.arrays import Mask
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import GROUND_ID, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
+from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.core.yaml_io import parse_mapping
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import VERSION_KEY
+from fieldtruth.sense.moving import KNOT_NS, MovingBody
+from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
@@ -77,11 +82,43 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
         return None, f"made by fieldtruth {version}, and {fieldtruth.__version__} may build another world"
     try:
         with progress.stage("build the world"):
-            world = world_of(experiment)
-            scene = Scene(world)
+            world, moving = world_of(experiment), list[MovingBody]()
+            if experiment.robots:
+                world = with_robots(world, experiment.robots)
+                moving = other_robots(run, experiment, world)
+            scene = Scene(world, moving)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    return SensorWorld(world, run.rig, experiment.light, experiment.weather, scene=scene), ""
+    seed = experiment.noise_seed
+    return SensorWorld(world, run.rig, experiment.light, experiment.weather, scene=scene, seed=seed, moving=moving), ""
+
+
+def other_robots(run: Run, experiment: Experiment, world: World) -> list[MovingBody]:
+    """Return the robots beside that of a run, where the bag has them at each knot of the motion.
+
+    Raises:
+        BagError: the bag is damaged, or lacks them.
+    """
+    run.require(table.MODEL_STATES)
+    states, stamps, rows = ModelStatesReader(), list[int](), list[Array]()
+    with open_bag(run.bag) as bag:
+        for raw in bag.messages([table.MODEL_STATES]):
+            if raw.stamp_ns % KNOT_NS == 0 or not rows:
+                rows.append(states.poses(raw.data)[[states.row(raw.data, name) for name in experiment.robots]])
+                stamps.append(raw.stamp_ns)
+    poses = np.array(rows)
+    matrices = transforms.pose_from_quaternion_wxyz(poses[..., :3], wxyz_from_xyzw(poses[..., 3:]))
+
+    def pose_of(row: int) -> Callable[[NDArray[np.int64]], Array]:
+        def pose(knots_ns: NDArray[np.int64]) -> Array:
+            rows = np.searchsorted(stamps, knots_ns).clip(0, len(stamps) - 1)
+            return np.asarray(matrices[rows, row])
+
+        return pose
+
+    named = enumerate(experiment.robots)
+    others = {name: experiment.of_robot(name).rig for name in experiment.robots if name != experiment.namespace}
+    return [robot_body(world, name, others[name], pose_of(row)) for row, name in named if name in others]
 
 
 class WorldObjects(Checker):
@@ -104,8 +141,9 @@ class WorldObjects(Checker):
         other = next((f"{b!r} instead of {a!r}" for a, b in pairs if a != b), "all names agree")
         mismatch = f"{at(raw)}: {len(names)} objects instead of {len(expected.names)}, {other}"
         if self._tally[NAMES].see(expected.names == names, mismatch):
-            residuals = np.abs(poses[1:] - true[1:]).max(axis=1)
-            self._tally[OBJECT_POSES].measure_all(residuals, lambda k: f"{at(raw)}: {names[1 + k]!r}")
+            still = [row for row, name in enumerate(names) if row and name not in self._context.robots]
+            residuals = np.abs(poses[still] - true[still]).max(axis=1)
+            self._tally[OBJECT_POSES].measure_all(residuals, lambda k: f"{at(raw)}: {names[still[k]]!r}")
 
 
 class ClassComparison(NamedTuple):
@@ -164,6 +202,8 @@ class ObjectClasses(Checker):
             allowed[ROBOT_ID] = np.arange(N_CLASSES) == Label.SKY
             allowed[ROBOT_ID, Label.ROBOT] = self._context.rig.visible
             allowed[ROBOT_ID, Label.PARTICLE] = self._context.has_weather
+            for row in (row for row, name in enumerate(names) if name in self._context.robots):
+                allowed[row] = np.arange(N_CLASSES) == Label.ROBOT
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of several robots: clouds and images are retraced among the robots that move, and a wrong pose is found."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from changed_bags import rewritten
+from sense_worlds import make_world
+
+from fieldtruth import cli, pipeline
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.validation import Check, world
+from fieldtruth.validation.runner import validate
+
+LIDAR = {"kind": "lidar", "columns": 256, "rings": 32, "max_range": 20.0, "spinning": True}
+CAMERA = {"kind": "camera", "name": "eye", "width": 160, "height": 120, "rate_hz": 10, 
+          "mount": {"xyz": [0.3, 0.0, 0.5]}}  # fmt: skip
+
+
+@pytest.fixture(name="runs", scope="module")
+def _runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the runs of a leader and of what follows it 3 m behind."""
+    experiment = Experiment.model_validate({
+        "name": "duo",
+        "environment": "park",
+        "seconds": 0.5,
+        "rig": {"sensors": [{"kind": "imu"}, {"kind": "gnss"}, LIDAR, CAMERA]},
+        "robots": {
+            "leader": {"route": {"metres": {"start": [0, 1], "waypoints": [[8, 2]]}}, "control": {"speed": 1.0}},
+            "follower": {"route": {"metres": {"start": [-2.5, 1], "waypoints": [[8, 1.5]]}}},
+        },
+    })  # fmt: skip
+    return pipeline.generate(experiment, tmp_path_factory.mktemp("runs"), world=make_world(), workers=2)
+
+
+@pytest.fixture(autouse=True)
+def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(world, "world_of", lambda _: make_world())
+
+
+def by_name(run: Path) -> dict[str, Check]:
+    return {check.name: check for check in validate(run, workers=2)}
+
+
+def test_intact_runs_pass(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["validate", str(runs)]) == 0  # each of them
+    text = capsys.readouterr().out
+    assert "FAIL" not in text
+    assert text.count("pass     retraced clouds") == text.count("pass     retraced images") == 2
+    assert text.count("pass     independent rays") == 2
+
+
+def moved(change: Callable[[np.ndarray[Any, Any]], None]) -> Callable[[RawMessage, int], RawMessage]:
+    """Change the pose (7,) of the leader in the model states of another robot."""
+    states = ModelStatesReader()
+
+    def changed(raw: RawMessage, _: int) -> RawMessage:
+        if raw.topic != table.MODEL_STATES:
+            return raw
+        rows, data = states.poses(raw.data), bytearray(raw.data)
+        pose = rows[row := states.names.index("leader")].copy()
+        at = raw.data.index(rows[row].tobytes())
+        change(pose)
+        data[at : at + pose.nbytes] = pose.tobytes()
+        return raw._replace(data=bytes(data))
+
+    return changed
+
+
+def test_a_wrong_sign_in_the_pose_of_another_robot_is_found(runs: Path, tmp_path: Path) -> None:
+    def mirrored(pose: np.ndarray[Any, Any]) -> None:
+        pose[1] = -pose[1]
+
+    def turned(pose: np.ndarray[Any, Any]) -> None:
+        pose[5] = -pose[5] - 0.3  # of the quaternion
+
+    for number, change in enumerate((mirrored, turned)):
+        checks = by_name(rewritten(runs / "follower", tmp_path / str(number), moved(change)))
+        assert checks["retraced clouds"].passed is False
+        assert checks["retraced images"].passed is False
+        assert checks["world"].passed is True
+
+
+def test_the_own_robot_has_one_pose(runs: Path, tmp_path: Path) -> None:
+    def lifted(pose: np.ndarray[Any, Any]) -> None:
+        pose[2] += 0.01
+
+    checks = by_name(rewritten(runs / "leader", tmp_path, moved(lifted)))
+    assert checks["static objects"].passed is False
+    assert "'leader'" in checks["static objects"].text
