@@ -69,9 +69,9 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_fourteen_examples_have_at_most_60_lines_and_a_test_each() -> None:
+def test_fifteen_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
-    assert len(SCRIPTS) == 14
+    assert len(SCRIPTS) == 15
     for script in SCRIPTS:
         assert len(script.read_text(encoding="utf-8").splitlines()) <= 60
         assert f'"{script.name}"' in tests
@@ -112,6 +112,18 @@ def test_own_controller_turns_towards_the_trail(run_example: RunExample) -> None
     label[60:, 20:40] = ft.Label.TRAIL
     assert follow(label) == (0.5, pytest.approx(2.0 * (0.5 - 29.5 / 160)))
     assert follow(label[:, ::-1])[1] == pytest.approx(-follow(label)[1], abs=0.02)
+
+
+def test_leader_follower_follows_what_it_sees(run_example: RunExample) -> None:
+    [line] = run_example("leader_follower.py", 1.0)
+    assert re.fullmatch(r"1.0 s, 4.[3-8]\d m from base to base", line)
+    follow = runpy.run_path(str(EXAMPLES / "leader_follower.py"))["follow"]
+    points = np.array([[4.0, 4.0, 0.0], [2.0, 0.0, 0.0]], np.float32)
+    label = np.array([ft.Label.ROBOT, ft.Label.TRAIL], np.uint8)
+    cloud = ft.Cloud(stamp_ns=0, header_ns=0, xyz=points, label=label)
+    assert follow(cloud) == (1.0, 1.0)
+    label[:] = ft.Label.TRAIL
+    assert follow(cloud) == (0.0, 0.0)
 
 
 @pytest.mark.slow

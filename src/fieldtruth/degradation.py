@@ -98,6 +98,8 @@ def _ideal_experiment(run: Run) -> Experiment:
     """Experiment of a run without signals; other runs are refused."""
     if run.experiment is None:
         raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
+    if run.experiment.robots:
+        raise BagError(f"{run.bag} is of one of several robots; generate their runs again, with --signal")
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     return run.experiment

@@ -61,7 +61,8 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
     values = yaml.safe_load(text)
     assert values.pop("fieldtruth") == fieldtruth.__version__
     assert values["rig"].pop("models") == park.rig.models()
-    assert values == park.model_dump(mode="json")
+    one_robot = park.model_dump(mode="json", exclude={"robots", "namespace"})
+    assert values == one_robot
     [lidar] = [sensor for sensor in values["rig"]["sensors"] if sensor["kind"] == "lidar"]
     assert lidar["columns"] == 512  # a default that the built-in file does not set
     assert dump_experiment(parse_experiment(text)) == text

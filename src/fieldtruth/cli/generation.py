@@ -287,7 +287,8 @@ def _shares(options: argparse.Namespace) -> None:
     names = options.experiments
     if names in (["all"], ["every"]):
         names = campaign_experiments(every=names == ["every"])
-    experiments = [with_overrides(checked_experiment(name), seed=options.seed) for name in names]
+    given = [with_overrides(checked_experiment(name), seed=options.seed) for name in names]
+    experiments = [own for each in given for own in (list(map(each.of_robot, each.robots)) or [each])]
     from fieldtruth.report.shares import shares_of, shares_table
 
     with show_progress() as progress:

@@ -203,7 +203,7 @@ class Experiment(Frozen):
         Mapping[str, RobotChanges], Field(description=f"a mapping of 2 to {MOST_ROBOTS} names to changes")
     ] = {}
     """Several robots in one world by name; see docs/several_robots.md."""
-    namespace: str | None = None
+    namespace: Annotated[str, Field(description="one of the robots")] | None = None
     """Of the run of one of ``robots``: its name, and the namespace of its topics."""
 
     @model_validator(mode="before")

@@ -61,8 +61,9 @@ def view_world(run: Run, progress: Progress) -> tuple[Aerial | None, str]:
 def _same_objects(run: Run, world: World) -> bool:
     """Return True if the objects in the bag, if it has any, have the names and positions of the world's."""
     names, poses = read_objects(run)
+    robots = () if run.experiment is None else tuple(run.experiment.robots)
     return not names or (
-        names == (ROBOT, *world.object_names[1:])
+        names == (ROBOT, *world.object_names[1:], *robots)
         and all(
             np.allclose(poses[each.object_id, :3], each.world_from_object[:3, 3], rtol=0.0, atol=_TOLERANCE)
             for each in world.instances
