@@ -23,7 +23,6 @@ from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.record.folder import run_folder
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.streams import Sensors, Stream, sensor_factory, streams_of
@@ -79,16 +78,11 @@ class PreparedHere(Driven):
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
         provenance.note(folder, [provenance.this_process()])
-        own, topics, streams = self.experiment.namespace, self.topics, self.streams()
-        if own is not None:
-            streams = [each._replace(topics=tuple(in_namespace(name, own) for name in each.topics)) for each in streams]
+        own, streams = self.experiment.namespace, self.streams()
+        streams = [each._replace(topics=tuple(in_namespace(name, own) for name in each.topics)) for each in streams]
+        topics = topics_of_run(self.experiment, latched=self.latched)
+        topics = tuple(each._replace(name=in_namespace(each.name, own)) for each in topics)
         return Slices(folder, streams, topics, self.new_sensors or sensor_factory(self.sensor_world, self.sensed()))
-
-    @property
-    def topics(self) -> list[Topic]:
-        """Topics of the bag."""
-        own, topics = self.experiment.namespace, topics_of_run(self.experiment, latched=self.latched)
-        return [each._replace(name=in_namespace(each.name, own)) for each in topics]
 
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""

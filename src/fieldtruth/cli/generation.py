@@ -151,10 +151,8 @@ def _generate(options: argparse.Namespace) -> int | None:
             overwrite=options.overwrite,
             progress=progress,
         )
-    for folder in runs_of_robots(made):
-        _print_bag(find_bag(folder), start)
-    if made.is_file():
-        _print_bag(made, start)
+    for bag in [made] if made.is_file() else map(find_bag, runs_of_robots(made)):
+        _print_bag(bag, start)
     return None
 
 

@@ -290,9 +290,7 @@ class Experiment(Frozen):
         }
         values = {key: getattr(robots[name], key) for key in keys}
         whole = self.name.removesuffix(f"_{self.namespace}")
-        return self.model_copy(
-            update={**values, "name": f"{whole}_{name}", "robots": robots, "namespace": name},
-        )
+        return self.model_copy(update={**values, "name": f"{whole}_{name}", "robots": robots, "namespace": name})
 
     @property
     def noise_seed(self) -> int:

@@ -5,7 +5,7 @@
 The log time of a message is its stamp in the bag. Headers lose their ``seq``, which ROS 2 does not have.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -27,7 +27,6 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import BagReader, RawMessage, open_bag
 from fieldtruth.bag.ros2 import Ros2Types
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import in_namespace
 from fieldtruth.core.progress import timed
 from fieldtruth.core.yaml_io import filled, package_data
 from fieldtruth.exporters import Options
@@ -55,17 +54,17 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: the bag is damaged, or has a message type that contradicts the one of ROS 2 with the same name.
     """
     (run,) = runs
+    in_namespace = run.experiment is not None and run.experiment.namespace is not None
     with (
-        open_bag(run.bag) as bag,
+        open_bag(run.bag, own_names=in_namespace) as bag,
         target.open("wb") as stream,
         options.progress.stage("messages", run.duration_s) as advance,
     ):
         types = types_of(bag)
         writer = Writer(stream, _CHUNK_SIZE, CompressionType.ZSTD)
         writer.start("ros2", f"fieldtruth {fieldtruth.__version__}")
-        namespace = None if run.experiment is None else run.experiment.namespace
-        channels = _channels(bag, types, namespace)
-        ids = _register(writer, channels, types)
+        channels = {(channel.topic, channel.msgtype): channel for channel in _channels(bag, types)}
+        ids = _register(writer, channels.values(), types)
         counts = dict.fromkeys(channels, 0)
         for raw in timed(bag.messages(), advance, run.start_ns):
             key = raw.topic, raw.msgtype
@@ -77,34 +76,30 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _channels(bag: BagReader, types: Ros2Types, namespace: str | None) -> dict[tuple[str, str], _Channel]:
-    """One channel per topic, as the bag's reader names it, and type, however many nodes published it."""
+def _channels(bag: BagReader, types: Ros2Types) -> list[_Channel]:
+    """One channel per topic and type, however many nodes published it."""
     latched: dict[tuple[str, str], bool] = {}
     for connection in bag.connections:
         key, extra = (connection.topic, connection.msgtype), connection.ext
         is_latched = isinstance(extra, ConnectionExtRosbag1) and bool(extra.latching)
         latched[key] = latched.get(key, False) or is_latched
-    return {
-        (topic, msgtype): _Channel(
-            in_namespace(topic, namespace), msgtype, types.digest(msgtype), _qos(latched=is_latched)
-        )
+    return [
+        _Channel(topic, msgtype, types.digest(msgtype), _qos(latched=is_latched))
         for (topic, msgtype), is_latched in latched.items()
-    }
+    ]
 
 
-def _register(
-    writer: Writer, channels: Mapping[tuple[str, str], _Channel], types: Ros2Types
-) -> dict[tuple[str, str], int]:
+def _register(writer: Writer, channels: Iterable[_Channel], types: Ros2Types) -> dict[tuple[str, str], int]:
     """Add schemas and channels to the file; return the channels' ids by topic and type."""
     schemas: dict[str, int] = {}
     ids = {}
-    for key, channel in channels.items():
+    for channel in channels:
         if channel.msgtype not in schemas:
             definition = types.definition(channel.msgtype).encode()
             schemas[channel.msgtype] = writer.register_schema(channel.msgtype, "ros2msg", definition)
         metadata = {"offered_qos_profiles": channel.qos, "topic_type_hash": channel.digest}
         schema = schemas[channel.msgtype]
-        ids[key] = writer.register_channel(channel.topic, "cdr", schema, metadata)
+        ids[channel.topic, channel.msgtype] = writer.register_channel(channel.topic, "cdr", schema, metadata)
     return ids
 
 

@@ -55,6 +55,32 @@ class MovingBody:
         return poses
 
 
+class KnotPoses:
+    """Poses (4, 4) at knots from time 0 on, for a ``MovingBody`` whose motion becomes known by and by.
+
+    Behind the last knot that is known, the pose is that of the last one.
+    """
+
+    def __init__(self) -> None:
+        self._poses: list[Array] = []
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    def restart(self, pose: Array) -> None:
+        """Forget all poses, and begin with that at time 0."""
+        self._poses = [pose]
+
+    def add(self, poses: Array) -> None:
+        """Add the poses (n, 4, 4) at the next knots."""
+        self._poses += list(poses)
+
+    def __call__(self, knots_ns: ArrayLike) -> Array:
+        """Return the poses (n, 4, 4) at knots (n,) [ns]."""
+        numbers = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self._poses) - 1)
+        return np.array([self._poses[k] for k in numbers.tolist()])
+
+
 class Traced(NamedTuple):
     """A body in the ray tracer: the scene of its mesh, and the greatest distance [m] of a vertex from its origin."""
 

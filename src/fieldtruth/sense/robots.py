@@ -26,8 +26,8 @@ from fieldtruth.world.solids import make_box, make_lathe, placed
 
 _MATERIALS: Final = {PAINT: "robot_paint", RUBBER: "robot_rubber", METAL: "robot_metal"}
 _TEXTURE: Final = "robot"
-_GLOSS: Final = {PAINT: 0.2}
-"""Of dull varnish; rubber and rim are matt."""
+_GLOSS: Final = 0.2
+"""Of paint, dull varnish; rubber and rim are matt."""
 _BEVEL: Final = 0.005
 """[m] of the edges of boxes."""
 _SIDES: Final = 64
@@ -46,23 +46,21 @@ def with_robots(world: World, names: Iterable[str]) -> World:
     for name in names:
         if name in world.object_names:
             raise ConfigurationError(f"robot {name}: an object of the world {world.name} has this name; choose another")
-    materials = {
-        name: Material(
-            name=name,
-            label=Label.ROBOT,
-            texture=_TEXTURE,
-            tint=(float(ALBEDO[row, 0]), float(ALBEDO[row, 1]), float(ALBEDO[row, 2])),
-            gloss=_GLOSS.get(row, 0.0),
-            reflectance=REFLECTANCE[row],
-        )
-        for row, name in _MATERIALS.items()
-    }
+    materials = {_MATERIALS[row]: _material(row) for row in _MATERIALS}
+    white = {_TEXTURE: np.full((1, 1, 3), 255, np.uint8)}
     return replace(
         world,
         materials={**world.materials, **materials},
-        textures={**world.textures, _TEXTURE: np.full((1, 1, 3), 255, np.uint8)},
+        textures={**world.textures, **white},
         object_names=(*world.object_names, *names),
     )
+
+
+def _material(row: int) -> Material:
+    red, green, blue = ALBEDO[row].tolist()
+    gloss = _GLOSS if row == PAINT else 0.0
+    paint = Material(name=_MATERIALS[row], label=Label.ROBOT, texture=_TEXTURE, tint=(red, green, blue), gloss=gloss)
+    return replace(paint, reflectance=REFLECTANCE[row])
 
 
 def robot_body(world: World, name: str, rig: Rig, pose: Callable[[NDArray[np.int64]], Array]) -> MovingBody:

@@ -13,9 +13,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz
@@ -24,34 +22,12 @@ from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, Motion, Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.moving import KNOT_NS, MovingBody
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.world.model import World
 
 KNOT_STEPS: Final = KNOT_NS // STEP_NS
 """Steps of the physics from one knot to the next."""
-
-
-class KnotPoses:
-    """Poses world_from_base of a robot at knots, from time 0 on; behind the last one that is known, that one."""
-
-    def __init__(self) -> None:
-        self._poses: list[Array] = []
-
-    def start(self, world_from_base: Array) -> None:
-        """Begin with the pose (4, 4) at time 0, and forget all others."""
-        self._poses = [world_from_base]
-
-    def add(self, motion: Motion) -> None:
-        """Add the poses at the knots of a motion, whose rows before the next knot are known already."""
-        rows = np.flatnonzero(motion.stamps_ns % KNOT_NS == 0)
-        rows = rows[motion.stamps_ns[rows] >= len(self._poses) * KNOT_NS]
-        self._poses += list(pose_from_quaternion_wxyz(motion.position[rows], motion.quaternion_wxyz[rows]))
-
-    def __call__(self, knots_ns: ArrayLike) -> Array:
-        """Return the poses (n, 4, 4) at knots (n,) [ns]."""
-        numbers = np.asarray(knots_ns) // KNOT_NS
-        return np.array([self._poses[k] for k in np.clip(numbers, 0, len(self._poses) - 1).tolist()])
 
 
 class Company:
@@ -82,6 +58,12 @@ class Company:
         """Return the bodies that the sensors of a robot see."""
         return [robot_body(self.world, other, rig, self.poses[other]) for other, rig in self.others(name).items()]
 
+    def add(self, name: str, motion: Motion) -> None:
+        """Add the poses at the knots of a motion of a robot; before the next knot it may have rows of earlier ones."""
+        rows = np.flatnonzero(motion.stamps_ns % KNOT_NS == 0)
+        rows = rows[motion.stamps_ns[rows] >= len(self.poses[name]) * KNOT_NS]
+        self.poses[name].add(pose_from_quaternion_wxyz(motion.position[rows], motion.quaternion_wxyz[rows]))
+
     def meet(self, name: str, robot: SimulatedRobot, stamp_ns: int) -> None:
         """Put the others of a robot where they are at a knot [ns]."""
         robot.meet({other: self.poses[other]([stamp_ns])[0] for other in self.experiments if other != name})
@@ -100,7 +82,7 @@ class Company:
             stamp += KNOT_NS
             for name in left:
                 with errors_of(name):
-                    self.poses[name].add(drives[name].go_on(stamp // STEP_NS))
+                    self.add(name, drives[name].go_on(stamp // STEP_NS))
             left = [name for name in left if not drives[name].ended]
             if advance is not None:
                 advance(KNOT_NS / 1e9)
@@ -113,7 +95,7 @@ class Company:
             drive = Drive(self.world, made, route, others=self.others(name))
         drive.whole = KNOT_STEPS
         drive.limit(made.seconds)
-        self.poses[name].start(pose_from_quaternion_wxyz(*drive.robot.pose))
+        self.poses[name].restart(pose_from_quaternion_wxyz(*drive.robot.pose))
         return drive
 
 

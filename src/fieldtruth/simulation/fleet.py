@@ -92,7 +92,7 @@ class Fleet:
         for name, each in self.robots.items():
             with errors_of(name):
                 frames[name] = each.reset()
-            self._company.poses[name].start(frames[name].pose)
+            self._company.poses[name].restart(frames[name].pose)
         self._stamp_ns, self._begun, self._waiting = 0, True, {name: [] for name in self.robots}
         return frames
 
@@ -152,7 +152,7 @@ class Fleet:
             try:
                 with errors_of(name):
                     self._waiting[name] += each.due(KNOT_NS / 1e9, commands.get(name))
-                company.poses[name].add(each.track.swept)
+                company.add(name, each.track.swept)
             except DriveError as error:
                 failed.append(error)
         if failed:

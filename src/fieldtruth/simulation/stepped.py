@@ -150,28 +150,10 @@ class Driven:
         return movement_of(self.track)
 
 
-def sensor_world_of(
-    experiment: Experiment,
-    world: World,
-    scene: Scene | None = None,
-    *,
-    reuse: bool = False,
-    workers: int = 1,
-    moving: Sequence[MovingBody] = (),
-) -> SensorWorld:
-    """Return the world, light and weather in which the sensors of an experiment read."""
+def sensor_world_of(experiment: Experiment, world: World, scene: Scene | None = None, **options: Any) -> SensorWorld:
+    """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``."""
     made = experiment
-    return SensorWorld(
-        world,
-        made.rig,
-        made.light,
-        made.weather,
-        scene=scene,
-        seed=made.noise_seed,
-        reuse=reuse,
-        workers=workers,
-        moving=moving,
-    )
+    return SensorWorld(world, made.rig, made.light, made.weather, scene=scene, seed=made.noise_seed, **options)
 
 
 class SimulationState(NamedTuple):

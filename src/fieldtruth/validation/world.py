@@ -19,7 +19,7 @@ from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
-from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import GROUND_ID, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
@@ -27,7 +27,7 @@ from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.sense.moving import KNOT_NS, MovingBody
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
@@ -100,25 +100,15 @@ def other_robots(run: Run, experiment: Experiment, world: World) -> list[MovingB
         BagError: the bag is damaged, or lacks them.
     """
     run.require(table.MODEL_STATES)
-    states, stamps, rows = ModelStatesReader(), list[int](), list[Array]()
+    rigs = {name: experiment.of_robot(name).rig for name in experiment.robots if name != experiment.namespace}
+    states, poses = ModelStatesReader(), {name: KnotPoses() for name in rigs}
     with open_bag(run.bag) as bag:
         for raw in bag.messages([table.MODEL_STATES]):
-            if raw.stamp_ns % KNOT_NS == 0 or not rows:
-                rows.append(states.poses(raw.data)[[states.row(raw.data, name) for name in experiment.robots]])
-                stamps.append(raw.stamp_ns)
-    poses = np.array(rows)
-    matrices = transforms.pose_from_quaternion_wxyz(poses[..., :3], wxyz_from_xyzw(poses[..., 3:]))
-
-    def pose_of(row: int) -> Callable[[NDArray[np.int64]], Array]:
-        def pose(knots_ns: NDArray[np.int64]) -> Array:
-            rows = np.searchsorted(stamps, knots_ns).clip(0, len(stamps) - 1)
-            return np.asarray(matrices[rows, row])
-
-        return pose
-
-    named = enumerate(experiment.robots)
-    others = {name: experiment.of_robot(name).rig for name in experiment.robots if name != experiment.namespace}
-    return [robot_body(world, name, others[name], pose_of(row)) for row, name in named if name in others]
+            for name, known in poses.items():
+                if raw.stamp_ns >= len(known) * KNOT_NS:  # the first message is for the knot at time 0, too
+                    pose = states.poses(raw.data)[states.row(raw.data, name)]
+                    known.add(transforms.pose_from_quaternion_wxyz(pose[:3], wxyz_from_xyzw(pose[3:]))[None])
+    return [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
 
 
 class WorldObjects(Checker):
