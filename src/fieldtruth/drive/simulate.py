@@ -355,6 +355,12 @@ class SimulatedRobot:
         return qvel[:3].copy(), qvel[3:6].copy()
 
     @property
+    def twist(self) -> Array:
+        """Velocity [m/s] of base_link's origin and turn rate [rad/s], both in the world, (6,)."""
+        velocity, turn_rate = self.velocity
+        return np.concatenate([velocity, self.world_from_base[:3, :3] @ turn_rate])
+
+    @property
     def wheel_angles(self) -> Array:
         """Angles (wheels,) [rad], in the order of the rig's ``wheels.names``, since the robot was put down."""
         return np.array(self.surroundings.data.qpos[7:])
@@ -394,9 +400,12 @@ class SimulatedRobot:
         """Physics of the part of the world around the robot."""
         return self._following.here
 
-    def meet(self, world_from_others: Mapping[str, Array]) -> None:
-        """Put the other robots where their base_link is, (4, 4) by name: obstacles that stand there from now on."""
-        self.surroundings.place(world_from_others)
+    def meet(self, world_from_others: Mapping[str, Array], twists: Mapping[str, Array] | None = None) -> None:
+        """Put the other robots where their base_link is, (4, 4) by name: obstacles that stand there from now on.
+
+        A hit of one that moves has the speed at which both come nearer, if ``twists`` are given: as ``twist``, by name.
+        """
+        self.surroundings.place(world_from_others, twists or {})
 
     def advance(self, command: Command, count: int) -> Array:
         """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 13 + 2 wheels)."""

@@ -41,7 +41,6 @@ import mujoco
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
-from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.ground import WorldParts, bearing_field
 from fieldtruth.drive.physics import CHASSIS_BIT, body_boxes, build_physics, plane_geom, supports
@@ -66,6 +65,7 @@ REACH: Final = 20.0
 """[m] of a part around the robot along x and y when it is made."""
 EDGE: Final = 4.0
 """[m] to its edge at which the next part is made: the robot is within 1.2 m, a node has no effect beyond 2 m."""
+_CREEP: Final = 0.05  # [m/s] below which a robot does not drive into another one
 _STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -178,6 +178,7 @@ class Surroundings:
         self.model, self._obstacles = build_physics(part, rig, step_s, others)
         self.data = mujoco.MjData(self.model)
         self._others = {name: self.model.body(f"robot_{name}").mocapid[0] for name in others or {}}
+        self._twists: Mapping[str, Array] = {}
         self._soil = soil
         if isinstance(soil, SoilContact):
             soil.enter(part)
@@ -194,26 +195,43 @@ class Surroundings:
     def is_near_ground(self, near: bool) -> None:
         self.model.geom_conaffinity[self._ground] = CHASSIS_BIT if near else 0
 
-    def place(self, world_from_others: Mapping[str, Array]) -> None:
-        """Put other robots where their base_link is, (4, 4) by name; they stay there."""
+    def place(self, world_from_others: Mapping[str, Array], twists: Mapping[str, Array]) -> None:
+        """Put other robots where their base_link is, (4, 4) by name; they stay there.
+
+        ``twists`` are their velocity [m/s] and turn rate [rad/s] in the world, (6,) by name: MuJoCo knows none.
+        """
+        self._twists = twists
         for name, pose in world_from_others.items():
             number = self._others[name]
             self.data.mocap_pos[number] = pose[:3, 3]
-            self.data.mocap_quat[number] = transforms.quaternion_wxyz_from_rotation(pose[:3, :3])
+            mujoco.mju_mat2Quat(self.data.mocap_quat[number], np.ascontiguousarray(pose[:3, :3]).ravel())
 
     def touched(self) -> tuple[str, float]:
         """Name of the object that the robot touches, and how fast [m/s] they came nearer before the step.
 
         Of several objects it is the one that is hit fastest.
         """
-        contacts, speeds = self.data.contact, self.data.efc_vel
         found = [
-            (max(0.0, -float(speeds[row])) if row >= 0 else 0.0, name)
-            for pair, row in zip(contacts.geom.tolist(), contacts.efc_address.tolist(), strict=True)
+            (self._closing(number, name, is_first=pair[0] in self._obstacles), name)
+            for number, pair in enumerate(self.data.contact.geom.tolist())
             if (name := self._obstacles.get(pair[0]) or self._obstacles.get(pair[1])) is not None
         ]
         speed, name = max(found, key=lambda each: each[0])
         return name, speed
+
+    def _closing(self, number: int, name: str, *, is_first: bool) -> float:
+        """Speed [m/s] at which the robot and an object, the contact's first geom or its second, come nearer.
+
+        The motion of another robot counts if this one drives into it: who stands and is driven into hits nothing.
+        """
+        row = int(self.data.contact.efc_address[number])
+        apart = float(self.data.efc_vel[row]) if row >= 0 else 0.0
+        if -apart > _CREEP and name in self._twists:
+            contact, twist = self.data.contact[number], self._twists[name]
+            arm = contact.pos - self.data.mocap_pos[self._others[name]]
+            along = float(contact.frame[:3] @ (twist[:3] + np.cross(twist[3:], arm)))
+            apart += -along if is_first else along
+        return max(0.0, -apart)
 
     def reset(self) -> None:
         """Forget all motion: robot, wheels and soil are as they were made; other robots stay where they are."""

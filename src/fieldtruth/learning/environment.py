@@ -4,7 +4,7 @@
 
 import json
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar, Final
 
 import gymnasium
@@ -36,7 +36,9 @@ ARRIVAL: Final = 1.0
 """Distance [m] from the goal, or length of path to it, at which it is reached."""
 _OFF: Final = 3.0  # [m] from the trail's edge
 _SEEN: Final = 0.8  # share of the free ground that Explore asks for
-_OPTIONS: Final = ("difficulty", "start", "goal", "heading", "world")
+PLACES: Final = ("start", "goal", "heading")
+OPTIONS: Final = ("difficulty", *PLACES, "world")
+"""Of ``reset``."""
 
 
 class FieldEnv(gymnasium.Env[Any, Any]):
@@ -82,6 +84,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
         self._task: Task | None = None
         self._left = 0.0
+        self._others: tuple[str, ...] = ()  # names of robots in the same world
 
     @abstractmethod
     def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
@@ -130,33 +133,37 @@ class FieldEnv(gymnasium.Env[Any, Any]):
             UnknownNameError, ConfigurationError: an option that is not allowed.
             RouteError: no start and goal in this world, or given ones that are blocked or not connected.
         """
-        super().reset(seed=seed)
         chosen = dict(options or {})
-        for name in chosen:
-            if name not in _OPTIONS:
-                raise UnknownNameError("option", name, _OPTIONS)
+        check_options(chosen, OPTIONS)
+        made, difficulty = self.draw(seed, chosen)
+        self.begin(made, self.with_given(made, self._new_task(made, difficulty), chosen))
+        return self.observed(), self.begun(difficulty)
+
+    def draw(self, seed: int | None, chosen: Mapping[str, Any]) -> tuple[TaskWorld, float]:
+        """Draw the world and the difficulty of an episode; arguments as ``reset``, with a mapping."""
+        super().reset(seed=seed)
         if seed is not None:
             self._episodes = 0
         if self._episodes % self.config.episodes_per_world == 0:
             self._seed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
         self._episodes += 1
-        made = self._enter(int(chosen.get("world", self._seed)))
+        made = self._world(int(chosen.get("world", self._seed)))
         given = self.config if "difficulty" not in chosen else LearningConfig.of({"difficulty": chosen["difficulty"]})
-        difficulty = float(self.np_random.uniform(*given.range))
-        self._task = self._with_given(made, self._new_task(made, difficulty), chosen)
-        self._begin(made, self._task)
-        if self._viewer is not None:
-            self._viewer.begin(made, self._task)
-        return self._observed(), {
-            "world": made.world.seed,
+        return made, float(self.np_random.uniform(*given.range))
+
+    def begun(self, difficulty: float) -> dict[str, Any]:
+        """Return what is known of an episode that begins."""
+        task = self._current
+        return {
+            "world": self.senses.world.seed,
             "difficulty": difficulty,
-            "hazard": self._task.hazard,
-            "shortest_m": self._task.shortest,
+            "hazard": task.hazard,
+            "shortest_m": task.shortest,
         }
 
-    def _with_given(self, made: TaskWorld, task: Task, chosen: Mapping[str, Any]) -> Task:
+    def with_given(self, made: TaskWorld, task: Task, chosen: Mapping[str, Any]) -> Task:
         """Return the task with what the options say."""
-        if not {"start", "goal", "heading"} & {*chosen}:
+        if not {*PLACES} & {*chosen}:
             return task
         start, heading = _point("start", chosen, task.start), float(chosen.get("heading", task.heading))
         goal = _point("goal", chosen, task.start if task.goal is None else task.goal)
@@ -165,7 +172,10 @@ class FieldEnv(gymnasium.Env[Any, Any]):
             return found if self.has_goal else tasks.changed(task, start=start, heading=heading)
         return tasks.changed(task, heading=heading)
 
-    def _begin(self, made: TaskWorld, task: Task) -> None:
+    def begin(self, made: TaskWorld, task: Task) -> None:
+        """Put the robot down in a world, and forget the episode before."""
+        self._enter(made)
+        self._task = task
         cause = self.robot.put_down(task.start, task.heading)
         if cause:
             raise RouteError(f"the robot cannot stand at x {task.start[0]:.1f} m, y {task.start[1]:.1f} m: {cause}")
@@ -176,25 +186,26 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         usual = 20.0 + 4.0 * (task.shortest or 60.0) / robot.max_speed
         self._limit = self.config.time_limit or usual
         self._metrics = EpisodeMetrics(self.robot.now.xy, task.shortest)
+        if self._viewer is not None:
+            self._viewer.begin(made, task)
 
-    def _enter(self, seed: int) -> TaskWorld:
-        """Return a world, in which the robot is from now on."""
+    def _world(self, seed: int) -> TaskWorld:
         experiment, given = self._experiment, self._given
         key = (id(given) if given is not None else (experiment.environment, json.dumps(dict(experiment.layout)), seed),
-               experiment.rig.model_dump_json(), experiment.light.model_dump_json())  # fmt: skip
+               experiment.rig.model_dump_json(), experiment.light.model_dump_json(), self._others)  # fmt: skip
 
         def make() -> TaskWorld:
             world = given if given is not None else load_world(experiment.environment, seed, experiment.layout)
             return TaskWorld(world, experiment.rig, experiment.light)
 
-        made = kept(key, make)
+        return kept(key, make)
+
+    def _enter(self, made: TaskWorld) -> None:
         if self._robots is None or self._robots[0] is not made:
             self._robots = None  # one in memory
-            self._robots = (
-                made,
-                EpisodeRobot(made.world, experiment.rig, self.config.physics_ms * STEP_NS, self.config.steps),
-            )
-        return made
+            step_ns = self.config.physics_ms * STEP_NS
+            robot = EpisodeRobot(made.world, made.rig, step_ns, self.config.steps, self._others)
+            self._robots = made, robot
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for a step of control; ``info["reward"]`` has the terms, at the end ``info["metrics"]`` the episode's.
@@ -205,7 +216,10 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         Raises:
             ConfigurationError: another number of values, or one that is not finite.
         """
-        happened = self.robot.drive(self._command(action))
+        return self.outcome(self.robot.drive(self.command(action)))
+
+    def outcome(self, happened: Happened) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Return what ``step`` returns, after the robot has driven."""
         progress, before = self._progress(), self._straight
         self._straight = self._to_goal()
         reached = self._reached()
@@ -219,9 +233,9 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         info: dict[str, Any] = {"reward": terms, "cause": cause or (TIME if truncated else "")}
         if cause or truncated:
             info["metrics"] = self._metrics.result(seconds, success=cause == REACHED)
-        return self._observed(), reward, bool(cause), truncated, info
+        return self.observed(), reward, bool(cause), truncated, info
 
-    def _observed(self) -> Any:
+    def observed(self) -> Any:
         """Return the observation, after it was shown."""
         seen = self.senses.read()
         if self._viewer is not None:
@@ -241,7 +255,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
             failed=cause not in ("", REACHED),
         )
 
-    def _command(self, action: ArrayLike) -> Command:
+    def command(self, action: ArrayLike) -> Command:
         """Return the command of an action, and note its change as a share of its range."""
         shares = np.asarray(action, np.float64)
         if shares.shape != (2,) or not np.isfinite(shares).all():
@@ -302,8 +316,9 @@ class Explore(FieldEnv):
     def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
         return tasks.explore_task(made, difficulty, self.np_random)
 
-    def _begin(self, made: TaskWorld, task: Task) -> None:
-        super()._begin(made, task)
+    def begin(self, made: TaskWorld, task: Task) -> None:
+        """Begin to see."""
+        super().begin(made, task)
         assert task.wanted is not None
         self._unseen = task.wanted.copy()
         self._count = self._rest = int(task.wanted.sum())
@@ -317,6 +332,13 @@ class Explore(FieldEnv):
 
     def _reached(self) -> bool:
         return self._rest <= (1.0 - _SEEN) * self._count
+
+
+def check_options(chosen: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse options of other names with an UnknownNameError."""
+    for name in chosen:
+        if name not in known:
+            raise UnknownNameError("option", name, known)
 
 
 def _point(name: str, chosen: Mapping[str, Any], usual: Array) -> Array:

@@ -3,10 +3,12 @@
 """The robot of an episode: driven for a step of control, with what happened to it in that time."""
 
 import math
+from collections.abc import Collection, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.controller import IN_WATER, OUTSIDE, TIPPED, Hazards
 from fieldtruth.drive.physics import Command
@@ -17,7 +19,8 @@ from fieldtruth.world.model import World
 
 HIT: Final = "hit an obstacle"
 STUCK: Final = "stuck"
-CAUSES: Final = (TIPPED, HIT, STUCK, IN_WATER, OUTSIDE)
+HIT_ROBOT: Final = "hit another robot"
+CAUSES: Final = (TIPPED, HIT, HIT_ROBOT, STUCK, IN_WATER, OUTSIDE)
 """Why the robot can go no further."""
 HIT_ENERGY: Final = 5.0
 """[J] of a hit that ends an episode: 0.45 m/s head-on for a robot of 50 kg."""
@@ -25,6 +28,7 @@ STUCK_SECONDS: Final = 10.0
 STUCK_METRES: Final = 0.3
 """A robot that has moved no farther in ``STUCK_SECONDS`` is stuck, whatever its commands were."""
 _APART_S: Final = 0.5  # between two touches of an object, without one, for them to count as two
+_NOWHERE: Final = transforms.pose((0.0, 0.0, -1e4))  # of another robot before it is met
 _CREEP: Final = 0.05  # [m/s] of the tread below which there is no slip
 
 
@@ -63,8 +67,8 @@ class Happened(NamedTuple):
 class _Watch:
     """What a ``SimulatedRobot`` reports to."""
 
-    def __init__(self, world: World, mass: float) -> None:
-        self._hazards, self._mass = Hazards(world), mass
+    def __init__(self, world: World, mass: float, others: Collection[str]) -> None:
+        self._hazards, self._mass, self._others = Hazards(world), mass, others
         self.begin()
 
     def begin(self) -> None:
@@ -83,7 +87,7 @@ class _Watch:
         self.touches += time_s - self._touched_s > _APART_S
         self._touched_s = time_s
         if energy > HIT_ENERGY:
-            self.cause = self.cause or HIT
+            self.cause = self.cause or (HIT_ROBOT if name in self._others else HIT)
 
 
 class EpisodeRobot:
@@ -94,18 +98,21 @@ class EpisodeRobot:
         rig: supplies the robot.
         step_ns: step of the physics [ns].
         steps: of the physics in a step of control.
+        others: names of equal robots that it meets, where ``meet`` of its ``physics`` puts them.
     """
 
-    def __init__(self, world: World, rig: Rig, step_ns: int, steps: int) -> None:
-        self._rig, self._steps = rig, steps
-        self._watch = _Watch(world, rig.robot.mass)
+    def __init__(self, world: World, rig: Rig, step_ns: int, steps: int, others: Sequence[str] = ()) -> None:
+        self._rig, self._steps, self._nowhere = rig, steps, dict.fromkeys(others, _NOWHERE)
+        self._watch = _Watch(world, rig.robot.mass, others)
         soil = SoilContact(world, rig.wheels, {}, step_ns / 1e9)
-        self.physics = SimulatedRobot(world, rig, self._watch, soil, step_ns)
+        self.physics = SimulatedRobot(world, rig, self._watch, soil, step_ns, dict.fromkeys(others, rig))
         self.now: Now
 
     def put_down(self, xy: Array, heading: float) -> str:
         """Let the robot come to rest at a point (2,) [m]; return why it cannot drive from there, empty if it can."""
         self._watch.begin()
+        if self._nowhere:
+            self.physics.meet(self._nowhere)
         self.physics.spawn(xy, xy + np.array([math.cos(heading), math.sin(heading)]))
         cause = self._watch.cause
         self._watch.begin()
@@ -120,9 +127,19 @@ class EpisodeRobot:
 
     def drive(self, command: Command) -> Happened:
         """Drive towards a command for a step of control."""
-        watch = self._watch
-        watch.hit, touches, work = 0.0, watch.touches, self.physics.work
-        self.physics.advance(command, self._steps)
+        self.head_for(command)
+        self.physics.drive(self._steps)
+        return self.happened()
+
+    def head_for(self, command: Command) -> None:
+        """Begin a step of control, which ``drive`` of its ``physics`` makes in parts."""
+        self._watch.hit, self._before = 0.0, (self._watch.touches, self.physics.work)
+        self.physics.head_for(command)
+
+    def happened(self) -> Happened:
+        """End a step of control."""
+        watch, (touches, work) = self._watch, self._before
+        watch.check(self.seconds, *self.physics.pose)
         now = self._read()
         if np.isfinite(now.world_from_base).all():
             self.now = now

@@ -22,7 +22,7 @@ from fieldtruth.kernels.height_maps import crop_heights, raise_to_points
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.learning.config import OBSERVATIONS, LearningConfig, SensorValues, experiment_of
 from fieldtruth.learning.robot import EpisodeRobot, Now
-from fieldtruth.learning.task_world import TaskWorld
+from fieldtruth.learning.task_world import OBSTACLE_HEIGHT, TaskWorld
 from fieldtruth.learning.tasks import Task
 from fieldtruth.sensors.kind import At, Sensor, standing
 from fieldtruth.sensors.known import sensor_class
@@ -102,6 +102,8 @@ class Senses:
 
     def __init__(self, config: LearningConfig, rigs: Rigs, *, has_goal: bool) -> None:
         self.names, self._rigs, self._has_goal = config.names, rigs, has_goal
+        self.others: dict[str, Array] = {}
+        """Poses (4, 4) world_from_base of other robots, by name."""
         self._single = isinstance(config.observation, str) and len(self.names) == 1
         self._scan_config, self._view_config = rigs.observing.sensors
         self._heights: Grid | None = None
@@ -111,7 +113,7 @@ class Senses:
             "state": self._state,
             "lidar": self._ranges,
             "lidar/class": lambda: self._spread(self.cloud.label),
-            "elevation": lambda: self._crop(self._made.heights)[0],
+            "elevation": self._elevation,
             "elevation/seen": self._seen,
             "camera/photo": lambda: self._image.photo,
             "camera/label": lambda: self._label,
@@ -256,6 +258,22 @@ class Senses:
         pose = np.array([*now.xy, now.heading, now.world_from_base[2, 3] - clearance])
         crop_heights(grid, pose, CELL, _MAP_LIMIT, height, known)
         return height, known
+
+    def _elevation(self) -> Float32Array:
+        """Return the map around the robot; other robots are ``OBSTACLE_HEIGHT`` above the ground, as any obstacle."""
+        height, _ = self._crop(self._made.heights)
+        if not self.others:
+            return height
+        robot, now = self._rigs.observing.robot, self._now
+        ahead, left = np.meshgrid(*2 * [CELL * np.arange(_MAP)[::-1] - 0.5 * CELL * (_MAP - 1)], indexing="ij")
+        cos, sin = np.cos(now.heading), np.sin(now.heading)
+        points = np.stack([cos * ahead - sin * left, sin * ahead + cos * left], axis=-1) + now.xy
+        for pose in self.others.values():
+            own = (points - pose[:2, 3]) @ pose[:2, :2]
+            top = pose[2, 3] - now.world_from_base[2, 3] + OBSTACLE_HEIGHT
+            inside = (np.abs(own) <= np.array(robot.outline[:2]) / 2).all(axis=-1)
+            height[inside] = np.clip(top, -_MAP_LIMIT, _MAP_LIMIT)
+        return height
 
     def _seen(self) -> Float32Array:
         assert self._heights is not None
