@@ -84,7 +84,7 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         self._robots: tuple[TaskWorld, EpisodeRobot] | None = None
         self._task: Task | None = None
         self._left = 0.0
-        self._others: tuple[str, ...] = ()  # names of robots in the same world
+        self._name, self._together = "", tuple[str, ...]()  # of several robots in a world
 
     @abstractmethod
     def _new_task(self, made: TaskWorld, difficulty: float) -> Task:
@@ -192,11 +192,11 @@ class FieldEnv(gymnasium.Env[Any, Any]):
     def _world(self, seed: int) -> TaskWorld:
         experiment, given = self._experiment, self._given
         key = (id(given) if given is not None else (experiment.environment, json.dumps(dict(experiment.layout)), seed),
-               experiment.rig.model_dump_json(), experiment.light.model_dump_json(), self._others)  # fmt: skip
+               experiment.rig.model_dump_json(), experiment.light.model_dump_json(), self._together)  # fmt: skip
 
         def make() -> TaskWorld:
             world = given if given is not None else load_world(experiment.environment, seed, experiment.layout)
-            return TaskWorld(world, experiment.rig, experiment.light)
+            return TaskWorld(world, experiment.rig, experiment.light, self._together)
 
         return kept(key, make)
 
@@ -204,7 +204,8 @@ class FieldEnv(gymnasium.Env[Any, Any]):
         if self._robots is None or self._robots[0] is not made:
             self._robots = None  # one in memory
             step_ns = self.config.physics_ms * STEP_NS
-            robot = EpisodeRobot(made.world, made.rig, step_ns, self.config.steps, self._others)
+            others = [name for name in self._together if name != self._name]
+            robot = EpisodeRobot(made.world, made.rig, step_ns, self.config.steps, others)
             self._robots = made, robot
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:

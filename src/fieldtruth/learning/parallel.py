@@ -38,8 +38,7 @@ class _Agent(Reach):
 
     def __init__(self, name: str, poses: Mapping[str, Array], names: list[str], **values: Any) -> None:
         super().__init__(**values)
-        self._others = tuple(other for other in names if other != name)
-        self._poses = poses
+        self._name, self._together, self._poses = name, tuple(names), poses
 
     def observed(self) -> Any:
         """Return the observation."""
@@ -52,7 +51,7 @@ class _Agent(Reach):
         return super().render()
 
     def _place(self) -> None:
-        self.senses.others = {name: self._poses[name] for name in self._others}
+        self.senses.others = {name: pose for name, pose in self._poses.items() if name != self._name}
 
 
 class ReachTogether(ParallelEnv):  # type: ignore[misc]
@@ -198,7 +197,7 @@ class ReachTogether(ParallelEnv):  # type: ignore[misc]
             name for name, (_, _, terminated, truncated, _) in found.items() if not (terminated or truncated)
         ]
         by_kind: Any = [dict(zip(found, values, strict=True)) for values in zip(*found.values(), strict=True)]
-        return tuple(by_kind or [{}] * 5)  # type: ignore[return-value]
+        return tuple(by_kind or [{}] * 5)
 
     def render(self) -> NDArray[Any] | None:
         """Return the photograph (270, 480, 3) from behind ``robot_0``."""

@@ -8,13 +8,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.controller import IN_WATER, OUTSIDE, TIPPED, Hazards
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.learning.task_world import NOWHERE
 from fieldtruth.world.model import World
 
 HIT: Final = "hit an obstacle"
@@ -28,7 +28,6 @@ STUCK_SECONDS: Final = 10.0
 STUCK_METRES: Final = 0.3
 """A robot that has moved no farther in ``STUCK_SECONDS`` is stuck, whatever its commands were."""
 _APART_S: Final = 0.5  # between two touches of an object, without one, for them to count as two
-_NOWHERE: Final = transforms.pose((0.0, 0.0, -1e4))  # of another robot before it is met
 _CREEP: Final = 0.05  # [m/s] of the tread below which there is no slip
 
 
@@ -102,7 +101,7 @@ class EpisodeRobot:
     """
 
     def __init__(self, world: World, rig: Rig, step_ns: int, steps: int, others: Sequence[str] = ()) -> None:
-        self._rig, self._steps, self._nowhere = rig, steps, dict.fromkeys(others, _NOWHERE)
+        self._rig, self._steps, self._nowhere = rig, steps, dict.fromkeys(others, NOWHERE)
         self._watch = _Watch(world, rig.robot.mass, others)
         soil = SoilContact(world, rig.wheels, {}, step_ns / 1e9)
         self.physics = SimulatedRobot(world, rig, self._watch, soil, step_ns, dict.fromkeys(others, rig))

@@ -186,7 +186,7 @@ class Senses:
         return self._robot.now
 
     def _at(self) -> At:
-        stamp_ns = round(1e9 * self._robot.seconds)
+        self._made.others, stamp_ns = self.others, round(1e9 * self._robot.seconds)
         return At(self._number, stamp_ns, stamp_ns, standing(self._now.world_from_base))
 
     def _kept(self, name: str, make: Callable[[], Any]) -> Any:

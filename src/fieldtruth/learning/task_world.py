@@ -5,12 +5,14 @@
 A process keeps the last few of them, as one takes seconds to load; environments of one process share them.
 """
 
-from collections.abc import Callable, Hashable
-from functools import cached_property
-from typing import Final
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property, partial
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.ground import bearing_field, slopes
@@ -21,6 +23,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.kernels.packets import Grid
+from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.world.model import World
@@ -29,6 +32,8 @@ KEPT: Final = 4
 """Worlds in memory, 0.6 GB each of a park with its scene."""
 OBSTACLE_HEIGHT: Final = 1.0
 """Height [m] above the ground that obstacles have in the map of heights."""
+NOWHERE: Final = transforms.pose((0.0, 0.0, -1e4))
+"""Pose of a robot that another one neither meets nor sees."""
 _LARGEST: Final = 400.0  # [m] side of a world with a map of heights
 _ROWS: Final = 256  # of the map that are looked up at once
 
@@ -40,25 +45,33 @@ class TaskWorld:
         world: the world.
         rig: the robot.
         light: of photographs.
+        robots: names of robots, each of which the others see.
     """
 
-    def __init__(self, world: World, rig: Rig, light: LightConfig) -> None:
-        self.world, self.rig, self.light = world, rig, light
+    def __init__(self, world: World, rig: Rig, light: LightConfig, robots: Sequence[str] = ()) -> None:
+        self.world, self.rig, self.light = with_robots(world, robots) if robots else world, rig, light
+        self.others: Mapping[str, Array] = {}
+        """Poses (4, 4) world_from_base of the robots that the next reading sees, by name."""
+        self._bodies = [robot_body(self.world, name, rig, partial(self._pose_of, name)) for name in robots]
         self.ground = Traversability(world, rig)
         self.grid = RouteGrid(self.ground)
         self._sensed: dict[bool, SensorWorld] = {}
 
+    def _pose_of(self, name: str, stamps_ns: NDArray[np.int64]) -> Array:
+        return np.broadcast_to(self.others.get(name, NOWHERE), (len(stamps_ns), 4, 4))
+
     @cached_property
     def scene(self) -> Scene:
-        """The world in the ray tracer."""
-        return Scene(self.world)
+        """The world in the ray tracer, with its robots."""
+        return Scene(self.world, self._bodies)
 
     def sensed_by(self, rig: Rig) -> SensorWorld:
         """Return the world in which the sensors of a rig read; they see the robot if the rig is visible."""
         if rig.visible not in self._sensed:
             other = next(iter(self._sensed.values()), None)
             baked = other.baked if other is not None and rig.visible else None
-            self._sensed[rig.visible] = SensorWorld(self.world, rig, self.light, scene=self.scene, baked=baked)
+            given: dict[str, Any] = {"scene": self.scene, "baked": baked, "moving": self._bodies}
+            self._sensed[rig.visible] = SensorWorld(self.world, rig, self.light, **given)
         return self._sensed[rig.visible]
 
     @cached_property
