@@ -33,7 +33,7 @@ COMPARED: Final = 48
 """Starts among which difficulty chooses."""
 APART: Final = 3.0
 """Least distance [m] between the starts and goals of several robots."""
-_RING: Final = 0.2  # share of its radius by which these may lie beside a circle
+_RING: Final = (0.7, 1.05)  # distance of these from the middle of all, over the radius
 _SAMPLES: Final = 64  # points of the straight line
 _TRIES: Final = 8  # goals
 _SOFT: Final = 0.03  # [m] of sinkage that counts as the softest
@@ -54,11 +54,6 @@ class Task:
     corner: Array  # (2,) [m] of the grid
     hazard: float  # 0 to 1
     wanted: Mask | None = None  # (nx, ny) nodes that are to be seen
-
-    @property
-    def distance(self) -> float:
-        """Length [m] of the straight line."""
-        return 0.0 if self.goal is None else float(np.linalg.norm(self.goal - self.start))
 
     def left(self, xy: Array) -> float:
         """Length [m] of the path from a point (2,) to the goal; infinite where no free node is near."""
@@ -97,36 +92,34 @@ def reach_task(made: TaskWorld, difficulty: float, rng: np.random.Generator) -> 
 
 
 def crossing_tasks(made: TaskWorld, difficulty: float, count: int, rng: np.random.Generator) -> list[Task]:
-    """Choose tasks of several robots whose straight lines cross: starts and goals are around one point.
+    """Choose tasks of several robots, of which most straight lines cross.
 
-    The first is as ``reach_task``; starts and goals of the others are in a ring around the middle of its straight line,
-    at least ``APART`` from all that were chosen before, or two diagonals of the robot. Many robots need a wide ring:
-    the distance is ``APART`` for each of them at least.
+    The first is as ``reach_task``. The others start in a ring around the middle of its straight line, and their goals
+    are in it on the far side, as far as there is room. All of these are ``APART`` from each other, or two diagonals of
+    the robot; where that leaves too few, the ring grows.
 
     Raises:
         RouteError: there is no free ground that a route could cross, or no room for so many robots.
     """
     part = made.grid.anywhere(rng)
     clear = np.flatnonzero(part.is_clear) if len(part.nodes) else np.zeros(0, np.intp)
-    problem = f"no route crosses {made.world.name} (seed {made.world.seed})"
+    name = f"{made.world.name} (seed {made.world.seed})"
     apart = max(APART, 2.0 * float(np.hypot(*made.rig.robot.outline[:2])))
-    difficulty = max(difficulty, (apart * count - NEAREST) / (FARTHEST - NEAREST))
-    for _ in range(_TRIES):
-        found = [_chosen(made, part, clear, difficulty, rng, problem)]
+    for harder in np.linspace(difficulty, 1.0, _TRIES):
+        found = [_chosen(made, part, clear, float(harder), rng, f"no route crosses {name}")]
         ends = np.array([found[0].start, found[0].goal])
-        beside = np.linalg.norm(part.nodes[clear] - ends.mean(axis=0), axis=1) - found[0].distance / 2
-        ring = clear[np.abs(beside) <= _RING * found[0].distance / 2]
+        shares = np.linalg.norm(part.nodes[clear] - ends.mean(axis=0), axis=1) / (np.linalg.norm(ends[0] - ends[1]) / 2)
+        ring = clear[(shares >= _RING[0]) & (shares <= _RING[1])]
         while len(found) < count:
             ends = np.array([found[-1].start, found[-1].goal])
             ring = ring[np.linalg.norm(part.nodes[ring][:, None] - ends, axis=2).min(axis=1) >= apart]
             try:
-                found.append(_chosen(made, part, ring, difficulty, rng, problem))
+                found.append(_chosen(made, part, ring, float(harder), rng, name))
             except RouteError:
                 break
         if len(found) == count:
             return found
-    what = f"{made.world.name} (seed {made.world.seed})"
-    raise RouteError(f"{what} has no room for the ways of {count} robots; take fewer, or another environment")
+    raise RouteError(f"{name} has no room for the ways of {count} robots; take fewer, or another environment")
 
 
 def follow_task(made: TaskWorld, difficulty: float, rng: np.random.Generator) -> Task:
