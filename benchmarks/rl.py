@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed of the environments of Gymnasium on all cores, error of longer physics steps, and success by difficulty.
 
-python benchmarks/rl.py speed [OBSERVATION ...] | reset | physics | success [EPISODES] | leak [EPISODES]
+python benchmarks/rl.py speed [OBSERVATION ...] | reset | physics | success [EPISODES] | leak [EPISODES] |
+    together [ROBOTS ...]
 """
 
 import sys
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 import fieldtruth.learning  # noqa: F401 (it registers the environments)
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.learning.parallel import parallel_env
 from fieldtruth.learning.policies import path_follower, straight_follower
 
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -142,15 +144,36 @@ def success(episodes: int = 20, environment: str = "park") -> None:
 
 def leak(episodes: int = 1000) -> None:
     """Memory of a process over episodes of a few steps."""
-    env = gymnasium.make("fieldtruth/Reach-v0", observation=("state", "elevation"))
+    env = gymnasium.make("fieldtruth/Reach-v0", observation=("state", "elevation", "lidar"))
     env.reset(seed=0)
     for k in range(episodes + 1):
         env.reset()
         for _ in range(3):
             env.step(env.action_space.sample())
         if k % max(episodes // 10, 1) == 0:
-            pages = int(Path("/proc/self/statm").read_text().split()[1])
-            print(f"{k} episodes: {pages * 4096 / 1e6:.1f} MB", flush=True)
+            print(f"{k} episodes: {_megabytes():.1f} MB", flush=True)
+
+
+def together(robots: int, steps: int = STEPS) -> None:
+    """Speed of several robots in one park in one process, while all of them drive."""
+    env = parallel_env(robots)
+    env.reset(seed=0)
+    rng, resets_ms, wall, used = np.random.default_rng(0), list[float](), 0.0, 0.0
+    for k in range(steps):
+        if len(env.agents) < robots or k % 100 == 0:
+            begun = time.perf_counter()
+            env.reset()
+            resets_ms.append(1e3 * (time.perf_counter() - begun))
+        actions = {name: rng.uniform([0.0, -0.3], [0.8, 0.3]).astype(np.float32) for name in env.agents}
+        begun, used_before = time.perf_counter(), time.process_time()
+        env.step(actions)
+        wall, used = wall + time.perf_counter() - begun, used + time.process_time() - used_before
+    print(f"{robots} robots: {steps / wall:.0f} control steps/s of all, {1e3 * used / steps:.1f} ms of the processor "
+          f"each; reset {np.median(resets_ms):.0f} ms; {_megabytes():.0f} MB{_load()}", flush=True)  # fmt: skip
+
+
+def _megabytes() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
 
 
 def main() -> None:
@@ -165,6 +188,9 @@ def main() -> None:
             physics(*rest)
         case "success":
             success(int(rest[0]) if rest else 20, *rest[1:])
+        case "together":
+            for robots in rest or ("2", "4", "8"):
+                together(int(robots))
         case _:
             leak(int(rest[0]) if rest else 1000)
 

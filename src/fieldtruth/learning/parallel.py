@@ -58,10 +58,10 @@ class ReachTogether(ParallelEnv):  # type: ignore[misc]
     """Robots that drive to goals of their own on ways that cross; docs/learning.md says what is as in ``Reach``.
 
     Args:
-        robots: how many, from 2 to ``MOST``; they are ``robot_0``, ``robot_1``, ...
+        robots: how many, from 2 to ``MOST``; they are robot_0, robot_1 and so on
         environment: a name from ``list_environments``, or an environment's file.
         world: a world that replaces those of the environment.
-        render_mode: as of ``Reach``, of ``robot_0``.
+        render_mode: as of ``Reach``, of robot_0.
         arguments: those of ``LearningConfig``.
 
     Raises:
@@ -200,7 +200,7 @@ class ReachTogether(ParallelEnv):  # type: ignore[misc]
         return tuple(by_kind or [{}] * 5)
 
     def render(self) -> NDArray[Any] | None:
-        """Return the photograph (270, 480, 3) from behind ``robot_0``."""
+        """Return the photograph (270, 480, 3) from behind robot_0."""
         return self._first.render()
 
     def close(self) -> None:
