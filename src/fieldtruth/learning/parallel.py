@@ -58,7 +58,7 @@ class ReachTogether(ParallelEnv):  # type: ignore[misc]
     """Robots that drive to goals of their own on ways that cross; docs/learning.md says what is as in ``Reach``.
 
     Args:
-        robots: how many, from 2 to ``MOST``; they are robot_0, robot_1 and so on
+        robots: how many, from 2 to ``MOST``; they are robot_0, robot_1 and so on.
         environment: a name from ``list_environments``, or an environment's file.
         world: a world that replaces those of the environment.
         render_mode: as of ``Reach``, of robot_0.
