@@ -356,3 +356,10 @@ def _xacro(folder: Path, **arguments: str) -> str:
 def _canonical(element: ET.Element) -> object:
     attributes = tuple(sorted(element.attrib.items()))
     return element.tag, attributes, (element.text or "").strip(), tuple(_canonical(child) for child in element)
+
+
+def test_a_lidar_without_cameras_stands_on_a_pole_that_ends_below_it() -> None:
+    rig = paper_rig(cameras=StereoConfig(enabled=False))
+    pole = next(shape for shape in body_shapes(rig) if shape.name == "lidar_pole")
+    upper = pole.xyz[2] + pole.size[1] / 2
+    assert 0.7 < upper < rig.giving(Cloud)[0].mount.xyz[2]

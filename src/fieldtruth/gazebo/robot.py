@@ -326,7 +326,7 @@ def _scanner_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | N
     heights = [imager.mount.xyz[2] for imager in rig.imagers]
     for scanner in rig.enabled(ScanningConfig):
         x, y, z = scanner.mount.xyz
-        low = min(z, *heights) - _OS1[1] / 2
+        low = min([z, *heights]) - _OS1[1] / 2
         if low > top and (np.abs((x, y)) < chassis.size[:2] / 2).all():
             yield None, Shape(f"{scanner.name}_pole", (_POLE, low - top), (x, y, (low + top) / 2))
         yield scanner, _cylinder(f"{scanner.name}_housing", _OS1, scanner.mount)
