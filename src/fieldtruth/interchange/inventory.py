@@ -117,8 +117,22 @@ def moved(world_from_object: Array, points: Array) -> Array:
     return np.asarray(sum(c * world_from_object[:3, k] for k, c in enumerate((x, y, z))) + world_from_object[:3, 3])
 
 
+class Section(NamedTuple):
+    """Middle of a trunk's section in world x, y [m], and the diameter [m] of the circle with its area."""
+
+    x: float
+    y: float
+    diameter: float
+
+
 def trunk_diameter(wood: Array, height: float, xy: Array) -> float:
-    """Diameter [m] of the circle with the area of a trunk's section at a height; NaN if there is no trunk.
+    """Diameter [m] of ``trunk_section``; NaN if there is no trunk."""
+    section = trunk_section(wood, height, xy)
+    return np.nan if section is None else section.diameter
+
+
+def trunk_section(wood: Array, height: float, xy: Array) -> Section | None:
+    """Horizontal section of a trunk at a height; None if there is no trunk.
 
     Args:
         wood: triangles (t, 3, 3) [m] in the world, outwards counter-clockwise.
@@ -128,7 +142,7 @@ def trunk_diameter(wood: Array, height: float, xy: Array) -> float:
     count = (wood[..., 2] > height).sum(axis=1)
     cut, count = wood[(count > 0) & (count < 3)], count[(count > 0) & (count < 3)]
     if not len(cut):
-        return np.nan
+        return None
     # The corner that is alone on its side of the plane, then the others in the triangle's order.
     above = cut[..., 2] > height
     alone = np.argmax(above == (count == 1)[:, None], axis=1)
@@ -143,11 +157,14 @@ def trunk_diameter(wood: Array, height: float, xy: Array) -> float:
     part = part_of_node[a]
     (ax, ay), (bx, by) = (ends - xy).transpose(1, 2, 0)
     area = np.abs(np.bincount(part, 0.5 * (ax * by - ay * bx)))
-    share = 1 / np.bincount(part)
-    middle = np.hypot(np.bincount(part, ax) * share, np.bincount(part, ay) * share)
+    middles = np.column_stack([np.bincount(part, ax), np.bincount(part, ay)]) / np.bincount(part)[:, None]
+    middle = np.hypot(*middles.T)
     is_open = np.bincount(part_of_node, np.bincount(node.ravel()) % 2) > 0  # the open end of a branch's tube
-    near = area[(middle < TRUNK_WITHIN) & ~is_open]
-    return circle_diameter(float(near.max())) if len(near) else np.nan
+    near = np.flatnonzero((middle < TRUNK_WITHIN) & ~is_open)
+    if not len(near):
+        return None
+    k = near[np.argmax(area[near])]
+    return Section(*(xy + middles[k]).tolist(), circle_diameter(float(area[k])))
 
 
 def _crossing(one: Array, other: Array, height: float) -> Array:

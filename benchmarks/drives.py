@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Short drives of a LiDAR at poses that are known exactly, for benchmarks against the truth of the world."""
+
+import argparse
+import importlib
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import fieldtruth as ft
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.experiment.files import with_overrides
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.simulation.stepped import experiment_for
+from fieldtruth.world.model import World
+
+RIG: Final = {
+    "lidar": {"model": "os1_64_gen1", "spinning": False, "columns": 1024, "rate_hz": 0.5},
+    "cameras": {"enabled": False},
+}
+"""Of the paper's Husky; all rays of a scan leave at once, so that no error is one of its motion."""
+
+
+class Scan(NamedTuple):
+    """One turn of the LiDAR: points (n, 3) [m] in the world, and class and instance id of each."""
+
+    points: Array
+    label: NDArray[Any]
+    instance: NDArray[Any]
+
+
+class Drive(NamedTuple):
+    """Scans in a world, and the poses ``world_from_lidar`` (k, 4, 4) at which they were taken."""
+
+    world: World
+    scans: list[Scan]
+    poses: Array
+
+    def distance(self, xy: Array) -> Array:
+        """Distance [m] of places (n, 2) from the nearest position of the LiDAR."""
+        return np.asarray(cKDTree(self.poses[:, :2, 3]).query(xy)[0], np.float64)
+
+
+def driven(environment: str, seconds: float, signal: str) -> Drive:
+    """Drive along the first route of an environment, from its start, with a scan every two seconds.
+
+    Raises:
+        UnknownNameError: an environment that does not exist.
+    """
+    base = experiment_for(environment=environment)
+    experiment = with_overrides(
+        base.model_copy(update={"rig": Rig.model_validate(RIG)}), seconds=seconds, signal={"lidar": signal}
+    )
+    world = ft.load_world(experiment.environment, experiment.seed, experiment.layout)
+    base_from_lidar = experiment.rig.first_of(ft.LidarConfig).mount.base_from_sensor
+    scans, poses = [], []
+    for frame in ft.frames(experiment, sensors=["lidar"], world=world):
+        cloud, pose = frame["lidar"], frame.pose @ base_from_lidar
+        scans.append(Scan(transforms.transform(pose, cloud.xyz), cloud.label, cloud.instance))
+        poses.append(pose)
+    return Drive(world, scans, np.array(poses))
+
+
+def method_of(name: str) -> Any:
+    """Return the function that MODULE:FUNCTION names.
+
+    Raises:
+        ConfigurationError: it cannot be imported.
+    """
+    module, _, function = name.partition(":")
+    try:
+        return getattr(importlib.import_module(module), function)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigurationError(
+            f"--method must be MODULE:FUNCTION that can be imported, got {name}: {error}"
+        ) from None
+
+
+def arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
+    """Parser of the options that the benchmarks have in common."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--envs", nargs="+", default=list(environments), metavar="ENVIRONMENT")
+    parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of the LiDAR")
+    parser.add_argument("--seconds", type=float, default=60.0, help="simulated time of each drive (default: 60)")
+    parser.add_argument("--method", action="append", default=[], metavar="MODULE:FUNCTION", help="one of your own")
+    parser.add_argument("--picture", metavar="FILE", help="picture of the last environment")
+    return parser
+
+
+def show(columns: Sequence[str], rows: Sequence[Sequence[object]], *, header: bool = True) -> None:
+    """Print rows of a table in Markdown; numbers have three decimals, NaN is a dash."""
+    if header:
+        print("| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
+    for row in rows:
+        print("| " + " | ".join(_cell(value) for value in row) + " |", flush=True)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3f}" if np.isfinite(value) else "-"
+    return str(value)
