@@ -67,6 +67,31 @@ def driven(environment: str, seconds: float, signal: str) -> Drive:
     return Drive(world, scans, np.array(poses))
 
 
+class Score(NamedTuple):
+    """Share [%] of what was asked for that has an estimate, and figures of the errors [m] of these."""
+
+    share: float
+    bias: float
+    median: float
+    rmse: float
+    p95: float
+    """95th percentile of the absolute errors."""
+
+
+FIGURES: Final = ("found %", "bias", "median", "RMSE", "95 %")
+"""Names of the columns of a ``Score``."""
+
+
+def score(error: Array) -> Score:
+    """Figures of errors (n,) [m], NaN where there is no estimate; n is at least 1."""
+    known = error[np.isfinite(error)]
+    if not len(known):
+        return Score(0.0, *4 * (np.nan,))
+    rmse, p95 = np.sqrt((known**2).mean()), np.percentile(np.abs(known), 95)
+    figures = (100 * len(known) / len(error), known.mean(), np.median(known), rmse, p95)
+    return Score(*map(float, figures))
+
+
 def method_of(name: str) -> Any:
     """Return the function that MODULE:FUNCTION names.
 
@@ -77,9 +102,7 @@ def method_of(name: str) -> Any:
     try:
         return getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigurationError(
-            f"--method must be MODULE:FUNCTION that can be imported, got {name}: {error}"
-        ) from None
+        raise ConfigurationError(f"--method must be MODULE:FUNCTION to import, got {name}: {error}") from None
 
 
 def arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
@@ -87,10 +110,17 @@ def arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=list(environments), metavar="ENVIRONMENT")
     parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of the LiDAR")
-    parser.add_argument("--seconds", type=float, default=60.0, help="simulated time of each drive (default: 60)")
+    parser.add_argument("--seconds", type=_seconds, default=60.0, help="simulated time of each drive (default: 60)")
     parser.add_argument("--method", action="append", default=[], metavar="MODULE:FUNCTION", help="one of your own")
     parser.add_argument("--picture", metavar="FILE", help="picture of the last environment")
     return parser
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 2.0 <= value <= 3600.0:  # the first scan is that of 2 s
+        raise argparse.ArgumentTypeError(f"must be 2 to 3600, got {text}")
+    return value
 
 
 def show(columns: Sequence[str], rows: Sequence[Sequence[object]], *, header: bool = True) -> None:

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from drives import Drive, arguments, driven, method_of, show
+from drives import FIGURES, Drive, arguments, driven, method_of, score, show
 from numpy.typing import NDArray
 
 import fieldtruth as ft
@@ -44,6 +44,7 @@ LAYERS: Final = (
     *("ground", "ground_cover", "plant_top", "plant_top_class", "water_depth"),
     *("solid_volume", "flexible_volume", "passable_volume"),
 )
+FEW: Final = 100
 FLAT: Final = 0.02
 """Height [m] of short grass and litter below which ground is bare."""
 CEILING: Final = 1.0
@@ -197,34 +198,13 @@ def methods_of(names: Sequence[str]) -> dict[str, Method]:
 # Scores
 
 
-class Score(NamedTuple):
-    """Errors [m] of the cells of a class that have an estimate, and their share of all of its cells [%]."""
-
-    share: float
-    bias: float
-    rmse: float
-    p95: float
-    """95th percentile of the absolute errors."""
-
-
-def score(estimate: Array, truth: Array, scored: Mask) -> Score:
-    """Compare heights (n, m) with the truth where ``scored``, of which there are some."""
-    error = (estimate - truth)[scored]
-    known = error[np.isfinite(error)]
-    if not len(known):
-        return Score(0.0, np.nan, np.nan, np.nan)
-    spread = float(np.sqrt((known**2).mean())), float(np.percentile(np.abs(known), 95))
-    return Score(100 * len(known) / len(error), float(known.mean()), *spread)
-
-
 def rows_of(estimates: Mapping[str, Array], truth: Truth, scored: Mask) -> Iterator[list[object]]:
-    """Yield a row of the table for each class of at least 100 cells and each method."""
+    """Yield a row of the table for each class of at least ``FEW`` cells and each method."""
     for k, name in enumerate(COVERS):
         own = scored & (truth.cover == k)
-        height = float(np.median(truth.height[own])) if own.any() else np.nan
-        if own.sum() >= 100:
-            for method, heights in estimates.items():
-                yield [name, int(own.sum()), height, method, *score(heights, truth.ground, own)]
+        for method, heights in estimates.items() if own.sum() >= FEW else ():
+            height = float(np.median(truth.height[own]))
+            yield [name, int(own.sum()), height, method, *score((heights - truth.ground)[own])]
 
 
 def picture(estimates: Mapping[str, Array], truth: Truth, scored: Mask, file: str) -> None:
@@ -255,7 +235,7 @@ def main() -> None:
     options = parser.parse_args()
     try:
         methods = methods_of(options.method)
-        columns = ["environment", "cover", "cells", "height", "method", "cells %", "bias", "RMSE", "95 %"]
+        columns = ["environment", "cover", "cells", "height", "method", *FIGURES]
         for k, environment in enumerate(options.envs):
             drive = driven(environment, options.seconds, options.signal)
             grid = grid_around(drive)

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Benchmarks against exact truth: elevation below plants, and diameters of stems, in worlds of known measures."""
+
+import sys
+from collections.abc import Sequence
+
+import elevation
+import numpy as np
+import pytest
+import stems
+import trimesh
+from drives import Drive, Scan, score
+from elevation import COVERS, grid_around, lowest, mean, truth_of, within_reach
+from stems import METHODS, Stem, seen_in, seen_share, stems_of, wood_of
+
+import fieldtruth as ft
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array
+from fieldtruth.interchange.inventory import BREAST_HEIGHT, Section, moved, trunk_section
+from fieldtruth.world.model import World
+from fieldtruth.world_maps.layers import Grid
+
+HIGH = 0.4
+"""Height [m] of the high grass."""
+DIAMETER = 0.36
+SIDES = 256
+
+
+def scanned(world: World, *places: tuple[float, float, float], columns: int = 256) -> Drive:
+    """Scans of an ideal LiDAR at places [m]."""
+    poses = np.array([transforms.pose(place) for place in places])
+    lidar = ft.Lidar(ft.LidarConfig(columns=columns), ft.Scene(world))
+    scans = []
+    for pose in poses:
+        scan = lidar.scan(pose)
+        scans.append(Scan(transforms.transform(pose, scan.xyz), scan.label, scan.instance))
+    return Drive(world, scans, poses)
+
+
+def meadow() -> World:
+    """Flat ground with a block of high grass, 4 m x 2 m."""
+    block = trimesh.creation.box((4.0, 2.0, HIGH), transforms.pose((3.0, 2.0, HIGH / 2)))
+    return World.from_meshes([ft.MeshPart((block.vertices, block.faces), label="high grass")], ground=0.0)
+
+
+def trunk(world_from_trunk: Array) -> World:
+    """Trunk of known diameter, 3 m high, on flat ground."""
+    mesh = trimesh.creation.cylinder(DIAMETER / 2, 3.0, SIDES, transform=world_from_trunk)
+    return World.from_meshes([ft.MeshPart((mesh.vertices, mesh.faces), label="trunk and branch")], ground=0.0)
+
+
+def test_elevation_above_a_block_of_grass_is_too_high_by_its_height() -> None:
+    drive = scanned(meadow(), (0.0, 0.0, 1.5), (3.0, 0.5, 1.5))
+    grid = grid_around(drive)
+    truth, scored = truth_of(drive.world, grid), within_reach(drive, grid)
+    block, bare = (scored & (truth.cover == COVERS.index(name)) for name in ("high grass", "bare"))
+    assert block.sum() == pytest.approx(4 * 2 / 0.2**2, abs=30)
+    assert np.median(truth.height[block]) == pytest.approx(HIGH, abs=1e-6)
+    x, y = grid.middles(slice(0, grid.shape[0]), slice(0, grid.shape[1]))
+    inner = block & (np.abs(x - 3.0) < 1.7)[:, None] & (np.abs(y - 2.0) < 0.7)
+    away = bare & ~((np.abs(x - 3.0) < 2.3)[:, None] & (np.abs(y - 2.0) < 1.3))
+    clouds = [scan.points for scan in drive.scans]
+    for method in (lowest, mean):
+        error = method(clouds, drive.poses, grid) - truth.ground
+        assert score(error[inner]).bias == pytest.approx(HIGH, abs=1e-4)
+        assert score(error[away]).p95 < 1e-4
+    assert 0 < score(error[scored]).share < 100  # the block hides ground behind it
+
+
+def test_sparse_grass_lifts_the_mean_by_its_share_and_the_lowest_point_not_at_all() -> None:
+    """A quarter of the points of each cell is 0.8 m high; crowns above the ceiling do not count in the mean."""
+    grid = Grid(0.0, 0.0, 0.2, (10, 5))
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(0.025, 2, 0.05), np.arange(0.025, 1, 0.05), indexing="ij"))
+    z = np.where((np.arange(len(x)) % 4) == 0, 0.8, 0.0)
+    crown = np.column_stack([x, y, np.full_like(x, 6.0)])
+    points = np.concatenate([np.column_stack([x, y, z]), crown])
+    poses = transforms.pose((1.0, 0.5, 1.0))[None]
+    np.testing.assert_allclose(mean([points], poses, grid), 0.2, atol=1e-9)
+    np.testing.assert_array_equal(lowest([points], poses, grid), 0.0)
+    nothing = lowest([points[points[:, 0] > 1.0]], poses, grid)
+    assert np.isnan(nothing[:5]).all()
+    assert np.isfinite(nothing[5:]).all()
+
+
+def test_figures_of_errors() -> None:
+    assert score(np.array([0.3, -0.1, 0.1, np.nan])) == pytest.approx((75.0, 0.1, 0.1, np.sqrt(0.11 / 3), 0.28))
+    assert score(np.array([np.nan, np.nan])).share == 0.0
+
+
+def test_circles_of_a_trunk_that_one_scan_sees_have_its_diameter() -> None:
+    """Ranges are exact, so that only the sides of the polygon are left."""
+    world = trunk(transforms.pose((4.0, 1.0, 1.5)))
+    drive = scanned(world, (0.0, 0.0, 1.3), columns=2048)
+    (mesh,), (instance,) = world.meshes.values(), world.instances
+    wood = moved(instance.world_from_object, wood_of(world, mesh))
+    section = trunk_section(wood, BREAST_HEIGHT, np.array([4.0, 1.0]))
+    assert section is not None
+    assert section == pytest.approx((4.0, 1.0, DIAMETER), abs=1e-4)
+    stem = Stem(instance.object_id, 0.0, section)
+    (found,) = seen_in([stem], drive.scans[0], drive.poses, METHODS)
+    assert found.distance == pytest.approx(np.hypot(4.0, 1.0))
+    half = np.arccos(DIAMETER / 2 / found.distance) / np.pi
+    assert half - 0.12 < found.share <= half  # columns are 13 mm apart, so that the last ones miss up to 22 deg
+    assert found.points > 100
+    for method, error in found.errors.items():
+        assert abs(error) < 1e-3, method
+    assert not list(stems_of(drive))  # it is no tree of the library
+
+
+def test_a_diameter_that_is_too_large_is_a_positive_error() -> None:
+    stem = Stem(2, 0.0, Section(0.0, 0.0, 0.30))
+    angle = np.linspace(0.0, np.pi, 60)
+    points = np.column_stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full(60, BREAST_HEIGHT)])
+    scan = Scan(points, np.full(60, ft.Label.TRUNK), np.full(60, 2))
+    (found,) = seen_in([stem], scan, transforms.pose((0.0, 3.0, 1.0))[None], METHODS)
+    assert found.errors == pytest.approx({"algebraic": 0.1, "geometric": 0.1, "consensus": 0.1}, abs=1e-6)
+    (hidden,) = seen_in([stem], scan._replace(instance=np.full(60, 3)), transforms.pose((0.0, 3.0, 1.0))[None], METHODS)
+    assert (hidden.points, hidden.share) == (0, 0.0)
+    assert np.isnan(list(hidden.errors.values())).all()
+
+
+def test_noise_makes_algebraic_circles_of_short_arcs_too_small() -> None:
+    """As known of Kåsa's fit; that of least distances is right in the median."""
+    rng = np.random.default_rng(3)
+    found: dict[str, list[float]] = {name: [] for name in METHODS}
+    for _ in range(40):
+        angle, range_ = rng.uniform(0.0, np.radians(100.0), 80), DIAMETER / 2 + rng.normal(0.0, 0.01, 80)
+        points = range_[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        for name, method in METHODS.items():
+            circle = method(points)
+            assert circle is not None
+            found[name].append(2 * circle[2] - DIAMETER)
+    assert np.median(found["algebraic"]) < -0.02
+    assert abs(np.median(found["geometric"])) < 0.01
+
+
+def test_a_branch_pulls_circles_of_all_points_and_not_that_of_the_most() -> None:
+    angle = np.linspace(0.0, np.pi, 60)
+    stem = DIAMETER / 2 * np.column_stack([np.cos(angle), np.sin(angle)])
+    branch = np.column_stack([np.linspace(0.2, 1.2, 20), np.full(20, 0.1)])
+    errors = {
+        name: 2 * circle[2] - DIAMETER
+        for name, method in METHODS.items()
+        if (circle := method(np.concatenate([stem, branch]))) is not None
+    }
+    assert abs(errors["consensus"]) < 0.005
+    assert errors["algebraic"] > 0.05
+
+
+@pytest.mark.parametrize(("degrees", "share"), [([0.0, 20.0, 40.0], 1 / 9), ([0.0, 90.0], 0.0), (range(0, 360, 15), 1)])
+def test_share_of_the_turn_that_was_seen(degrees: Sequence[float], share: float) -> None:
+    angle = np.radians(np.array(degrees, np.float64))
+    points = np.column_stack([2.0 + np.cos(angle), 1.0 + np.sin(angle)])
+    assert seen_share(points, (2.0, 1.0)) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("benchmark", [elevation, stems])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--method", "nowhere:fit"], "--method must be MODULE:FUNCTION to import, got nowhere:fit: No module named"),
+        (["--method", "math:fit"], "--method must be MODULE:FUNCTION to import, got math:fit: module 'math' has no"),
+        (["--seconds", "0"], "argument --seconds: must be 2 to 3600, got 0"),
+        (["--envs", "nowhere"], "unknown environment 'nowhere'"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    benchmark: object,
+    arguments: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        benchmark.main()  # type: ignore[attr-defined]
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
