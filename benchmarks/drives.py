@@ -53,10 +53,18 @@ def driven(environment: str, seconds: float, signal: str) -> Drive:
     Raises:
         UnknownNameError: an environment that does not exist.
     """
+    return scanned(with_lidar(environment, signal, seconds=seconds))
+
+
+def with_lidar(environment: str, signal: str, **values: Any) -> ft.Experiment:
+    """Return the first experiment of an environment with the LiDAR, and other values; raises as ``driven``."""
     base = experiment_for(environment=environment)
-    experiment = with_overrides(
-        base.model_copy(update={"rig": Rig.model_validate(RIG)}), seconds=seconds, signal={"lidar": signal}
-    )
+    experiment = base.model_copy(update={"rig": Rig.model_validate(RIG)})
+    return with_overrides(experiment, signal={"lidar": signal}, **values)
+
+
+def scanned(experiment: ft.Experiment) -> Drive:
+    """Sense all scans of an experiment."""
     world = ft.load_world(experiment.environment, experiment.seed, experiment.layout)
     base_from_lidar = experiment.rig.first_of(ft.LidarConfig).mount.base_from_sensor
     scans, poses = [], []
@@ -110,8 +118,14 @@ def arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=list(environments), metavar="ENVIRONMENT")
     parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of the LiDAR")
-    parser.add_argument("--seconds", type=_seconds, default=60.0, help="simulated time of each drive (default: 60)")
     parser.add_argument("--method", action="append", default=[], metavar="MODULE:FUNCTION", help="one of your own")
+    return parser
+
+
+def drive_arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
+    """Parser of these options and those of drives."""
+    parser = arguments(doc, environments)
+    parser.add_argument("--seconds", type=_seconds, default=60.0, help="simulated time of each drive (default: 60)")
     parser.add_argument("--picture", metavar="FILE", help="picture of the last environment")
     return parser
 

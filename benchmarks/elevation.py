@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from drives import FIGURES, Drive, arguments, driven, method_of, score, show
+from drives import FIGURES, Drive, drive_arguments, driven, method_of, score, show
 from numpy.typing import NDArray
 
 import fieldtruth as ft
@@ -231,7 +231,7 @@ def picture(estimates: Mapping[str, Array], truth: Truth, scored: Mask, file: st
 
 def main() -> None:
     """Print the table."""
-    parser = arguments(__doc__ or "", ("park", "forest", "hillside", "lake", "wet_meadow"))
+    parser = drive_arguments(__doc__ or "", ("park", "forest", "hillside", "lake", "wet_meadow"))
     options = parser.parse_args()
     try:
         methods = methods_of(options.method)

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from drives import FIGURES, Drive, Scan, arguments, driven, method_of, score, show
+from drives import FIGURES, Drive, Scan, drive_arguments, driven, method_of, score, show
 from scipy.optimize import least_squares
 
 from fieldtruth.core.arrays import Array
@@ -218,7 +218,7 @@ def picture(stem: Stem, points: Array, methods: Mapping[str, Method], file: str)
 
 def main() -> None:
     """Print the tables."""
-    parser = arguments(__doc__ or "", ("forest", "park"))
+    parser = drive_arguments(__doc__ or "", ("forest", "park"))
     options = parser.parse_args()
     try:
         methods = METHODS | {name: method_of(name) for name in options.method}

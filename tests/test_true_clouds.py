@@ -4,9 +4,11 @@
 
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 
 import elevation
 import numpy as np
+import places
 import pytest
 import stems
 import trimesh
@@ -155,18 +157,18 @@ def test_share_of_the_turn_that_was_seen(degrees: Sequence[float], share: float)
     assert seen_share(points, (2.0, 1.0)) == pytest.approx(share)
 
 
-@pytest.mark.parametrize("benchmark", [elevation, stems])
+@pytest.mark.parametrize("benchmark", [elevation, stems, places])
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--method", "nowhere:fit"], "--method must be MODULE:FUNCTION to import, got nowhere:fit: No module named"),
         (["--method", "math:fit"], "--method must be MODULE:FUNCTION to import, got math:fit: module 'math' has no"),
-        (["--seconds", "0"], "argument --seconds: must be 2 to 3600, got 0"),
+        (["--signal", "some"], "argument --signal: invalid choice: 'some'"),
         (["--envs", "nowhere"], "unknown environment 'nowhere'"),
     ],
 )
 def test_a_mistake_is_one_line(
-    benchmark: object,
+    benchmark: ModuleType,
     arguments: list[str],
     message: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -174,6 +176,45 @@ def test_a_mistake_is_one_line(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
     with pytest.raises(SystemExit) as ended:
-        benchmark.main()  # type: ignore[attr-defined]
+        benchmark.main()
     assert ended.value.code == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("benchmark", "arguments", "message"),
+    [
+        (stems, ["--seconds", "1"], "argument --seconds: must be 2 to 3600, got 1"),
+        (places, ["--count", "0"], "argument --count: must be 1 to 10000, got 0"),
+    ],
+)
+def test_numbers_that_are_not_allowed(
+    benchmark: ModuleType,
+    arguments: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    test_a_mistake_is_one_line(benchmark, arguments, message, monkeypatch, capsys)
+
+
+def test_scan_context_finds_a_turned_scan_and_not_another_place() -> None:
+    """Towers at random places: a scan that is turned by 18 deg, three sectors, is the same; others are not."""
+    rng = np.random.default_rng(5)
+
+    def towers() -> Array:
+        turn, distance, height = rng.uniform(0, 2 * np.pi, 300), rng.uniform(1, 39, 300), rng.uniform(-1, 8, 300)
+        return np.column_stack([distance * np.cos(turn), distance * np.sin(turn), height])
+
+    database = [towers() for _ in range(5)]
+    turned = [transforms.transform(transforms.pose((0, 0, 0), (0, 0, 18.0)), cloud) for cloud in database]
+    found = places.scan_context(turned, database)
+    np.testing.assert_allclose(np.diag(found), 0.0, atol=1e-9)
+    assert (found + np.eye(5)).min() > 0.2
+
+
+def test_recall_counts_queries_with_a_near_frame() -> None:
+    """The first match is 2.9 m away, the second 3.1 m where another is nearer, the third query has no near frame."""
+    distance = np.array([[2.9, 50.0], [1.0, 3.1], [9.0, 9.0]])
+    dissimilarity = np.array([[0.1, 0.5], [0.6, 0.2], [0.1, 0.2]])
+    assert places.recall(dissimilarity, distance) == (2, 50.0, 50.0)

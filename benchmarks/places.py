@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Places that are seen again, with true distances: lists of frames, and recall@1 (docs/benchmarks_truth.md).
+
+Run: python benchmarks/places.py [--envs NAME ...] [--signal ideal|datasheet] [--method MODULE:FUNCTION] [--out FOLDER]
+
+A robot stands at random places of the trails of an environment, with its view along them in either direction, and a
+LiDAR scans: once for the database, and at other places for the queries. As in Wild-Places (Knights and others 2023,
+arXiv:2211.12732) a match is right if its frame is at most 3 m away, and queries without such a frame do not count.
+
+A method is a function ``(queries, database) -> dissimilarities`` of lists of clouds (n, 3) [m] in the LiDAR's frame;
+it returns an array (queries, database), of which the least in a row is the match. FOLDER gets, for each environment,
+the poses of both sets (timestamp, x, y, z, qx, qy, qz, qw) and the true distances between them [m].
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from drives import Drive, arguments, method_of, scanned, show, with_lidar
+from scipy.spatial.distance import cdist
+
+from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.config import FramesConfig
+
+NEAR: Final = 3.0
+"""Distance [m] up to which a match is right."""
+SEEDS: Final = {"database": 1, "queries": 2}
+"""Of the places."""
+RINGS, SECTORS, REACH = 20, 60, 40.0
+"""Cells of a descriptor, and its radius [m]."""
+LIFT: Final = 2.0
+"""Height [m] that is added, so that ground is above 0."""
+
+Method = Callable[[Sequence[Array], Sequence[Array]], Array]
+
+
+class Recall(NamedTuple):
+    """Queries with a frame of the database near them, and the share [%] whose match is one; and that by chance."""
+
+    queries: int
+    recall: float
+    chance: float
+
+
+def scan_context(queries: Sequence[Array], database: Sequence[Array]) -> Array:
+    """Dissimilarities (queries, database) of Scan Context (Kim and Kim 2018): least mean cosine distance of sectors.
+
+    A descriptor has the greatest height of each ring and sector. Turning the LiDAR shifts its sectors, all shifts of
+    which are compared.
+    """
+    spectra, seen = zip(
+        *(_spectra(np.array([_context(cloud) for cloud in each])) for each in (queries, database)), strict=True
+    )
+    cosine = np.fft.irfft(np.einsum("qrf,drf->qdf", spectra[0].conj(), spectra[1]), SECTORS)
+    both = np.fft.irfft(np.einsum("qf,df->qdf", seen[0].conj(), seen[1]), SECTORS)
+    return np.asarray((1.0 - cosine / np.maximum(both, 1.0)).min(axis=-1))
+
+
+def _context(cloud: Array) -> Array:
+    """Greatest heights (rings, sectors) [m] above ``LIFT`` below the LiDAR, 0 where there are none."""
+    distance = np.hypot(cloud[:, 0], cloud[:, 1])
+    inside = distance < REACH
+    ring = (distance[inside] / REACH * RINGS).astype(int)
+    turn = np.arctan2(cloud[inside, 1], cloud[inside, 0]) / (2 * np.pi) % 1.0
+    heights = np.zeros((RINGS, SECTORS))
+    np.maximum.at(heights, (ring, (turn * SECTORS).astype(int) % SECTORS), cloud[inside, 2] + LIFT)
+    return heights
+
+
+def _spectra(contexts: Array) -> tuple[Array, Array]:
+    """Spectra along the sectors of contexts (k, rings, sectors) with columns of length 1, and of what is not empty."""
+    length = np.linalg.norm(contexts, axis=1, keepdims=True)
+    columns = np.divide(contexts, length, out=np.zeros_like(contexts), where=length > 0)
+    return np.fft.rfft(columns), np.fft.rfft((length[:, 0] > 0).astype(np.float64))
+
+
+def recall(dissimilarity: Array, distance: Array) -> Recall:
+    """Score dissimilarities (queries, database) against true distances [m] of the same shape."""
+    near = distance <= NEAR
+    kept = near.any(axis=1)
+    if not kept.any():
+        return Recall(0, np.nan, np.nan)
+    right = near[kept, dissimilarity[kept].argmin(axis=1)]
+    return Recall(int(kept.sum()), 100 * float(right.mean()), 100 * float(near[kept].mean()))
+
+
+def clouds_of(drive: Drive) -> list[Array]:
+    """Points (n, 3) [m] of each scan in the LiDAR's frame."""
+    inverse = transforms.inverse(drive.poses)
+    return [transforms.transform(pose, scan.points) for pose, scan in zip(inverse, drive.scans, strict=True)]
+
+
+def write_lists(folder: Path, sets: dict[str, Drive], distance: Array) -> None:
+    """Write the poses of both sets, and the distances between them [m], a row for each query."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, drive in sets.items():
+        quaternion = np.roll(transforms.quaternion_wxyz_from_rotation(drive.poses[:, :3, :3]), -1, axis=1)
+        rows = np.column_stack([np.arange(len(quaternion)), drive.poses[:, :3, 3], quaternion])
+        header = "timestamp,x,y,z,qx,qy,qz,qw"
+        np.savetxt(folder / f"{name}.csv", rows, ["%d", *7 * ["%.6f"]], ",", header=header, comments="")
+    np.savetxt(folder / "distances.csv", distance, "%.4f", ",")
+
+
+def main() -> None:
+    """Print the table."""
+    parser = arguments(__doc__ or "", ("park", "forest", "forest_road"))
+    parser.add_argument("--count", type=int, default=60, help="frames of each set (default: 60)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER")
+    options = parser.parse_args()
+    if not 1 <= options.count <= 10_000:
+        parser.error(f"argument --count: must be 1 to 10000, got {options.count}")
+    try:
+        methods: dict[str, Method] = {"Scan Context": scan_context} | {name: method_of(name) for name in options.method}
+        for k, environment in enumerate(options.envs):
+            experiment, sets = with_lidar(environment, options.signal), dict[str, Drive]()
+            for name, seed in SEEDS.items():
+                frames = FramesConfig(
+                    count=options.count, seed=seed, along="trail", pitch_deg=0, roll_deg=0, raised_m=0
+                )
+                sets[name] = scanned(experiment.model_copy(update={"frames": frames, "route": None}))
+            distance = cdist(sets["queries"].poses[:, :3, 3], sets["database"].poses[:, :3, 3])
+            if options.out:
+                write_lists(options.out / environment, sets, distance)
+            queries, database = (clouds_of(sets[name]) for name in ("queries", "database"))
+            rows = [
+                [environment, name, *recall(method(queries, database), distance)] for name, method in methods.items()
+            ]
+            show(["environment", "method", "queries", "recall@1 %", "by chance %"], rows, header=k == 0)
+    except FieldtruthError as error:
+        parser.error(str(error))
+
+
+if __name__ == "__main__":
+    main()
