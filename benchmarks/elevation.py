@@ -9,7 +9,7 @@ them: a function ``(clouds, poses, grid) -> heights`` of the scans' points (n, 3
 the poses ``world_from_lidar`` (k, 4, 4) at which they were taken, and the cells, a ``world_maps.layers.Grid``. Heights
 are an array of the grid's shape [m], NaN where it has no estimate.
 
-The truth is the mean height of the bare ground in a cell, of 16 places in it. Errors are estimates less truth: too high
+The truth is the mean height of the bare ground in a cell, of 64 places in it. Errors are estimates less truth: too high
 is positive. ``pip install cloth-simulation-filter`` adds a filter of ground points (Zhang and others 2016,
 doi:10.3390/rs8060501).
 """
@@ -38,20 +38,21 @@ REACH: Final = 10.0
 """Distance [m] from the nearest position of the LiDAR up to which cells are scored."""
 RESOLUTION: Final = 0.2
 """Side [m] of a cell."""
-PARTS: Final = 4
+PARTS: Final = 8
 """Places along a side of a cell, of which the truth is the mean."""
 LAYERS: Final = (
     *("ground", "ground_cover", "plant_top", "plant_top_class", "water_depth"),
     *("solid_volume", "flexible_volume", "passable_volume"),
 )
 FEW: Final = 100
+"""Cells of a class of cover, at least."""
 FLAT: Final = 0.02
 """Height [m] of short grass and litter below which ground is bare."""
 CEILING: Final = 1.0
 """Height [m] above the LiDAR up to which points are those of an elevation map."""
 COVERS: Final = (
     *("bare", "short grass, litter", "high grass", "bush"),
-    *("below trees, open", "below trees, undergrowth", "objects", "water"),
+    *("below trees, open", "below trees, undergrowth", "stems, objects", "water"),
 )
 """Classes of cover. Below trees, there are plants up to 2 m above the ground in undergrowth only."""
 
@@ -59,7 +60,7 @@ Method = Callable[[Sequence[Array], Array, Grid], Array]
 
 
 class Truth(NamedTuple):
-    """Arrays (n, m) of a grid: bare ground [m], rows of ``COVERS``, and the height [m] of what grows there."""
+    """Arrays (n, m) of a grid: bare ground [m], rows of ``COVERS``, and the greatest height [m] that grows there."""
 
     grid: Grid
     ground: Array
@@ -77,33 +78,31 @@ def truth_of(world: World, grid: Grid) -> Truth:
         )
         with np.load(path) as made:
             fine = {name: _split(made[name], grid.shape) for name in LAYERS}
-    kind = _cover(fine)
-    counts = np.stack([(kind == k).sum(axis=-1) for k in range(len(COVERS))], axis=-1)
     top = np.fmax(fine["plant_top"] - fine["ground"], fine["ground_cover"])
-    return Truth(grid, fine["ground"].mean(axis=-1, dtype=np.float64), counts.argmax(axis=-1), top.mean(axis=-1))
+    return Truth(grid, fine["ground"].mean(axis=-1, dtype=np.float64), _cover(fine), top.max(axis=-1))
 
 
 def _split(layer: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Places of each cell (n, m, 16) of a finer layer."""
+    """Places of each cell (n, m, 64) of a finer layer."""
     n, m = shape
     return layer.reshape(n, PARTS, m, PARTS).swapaxes(1, 2).reshape(n, m, -1)
 
 
 def _cover(fine: Mapping[str, NDArray[Any]]) -> NDArray[np.intp]:
-    """Row of ``COVERS`` of each place; what is first in the list decides."""
+    """Row of ``COVERS`` of each cell: the first of these that is at any of its places."""
     plant, low = fine["plant_top_class"], fine["passable_volume"] + fine["flexible_volume"] > 0
     tree = np.isin(plant, (Label.TRUNK, Label.TREETOP))
     found = {
         "water": fine["water_depth"] > 0,
-        "objects": fine["solid_volume"] > 0,  # trunks as well
+        "stems, objects": fine["solid_volume"] > 0,
         "below trees, undergrowth": tree & low,
         "below trees, open": tree,
         "bush": plant == Label.BUSH,
         "high grass": plant == Label.HIGH_GRASS,
         "short grass, litter": fine["ground_cover"] > FLAT,
     }
-    rows = [np.full(plant.shape, COVERS.index(name)) for name in found]
-    return np.select(list(found.values()), rows, COVERS.index("bare"))
+    rows = [COVERS.index(name) for name in found]
+    return np.select([each.any(axis=-1) for each in found.values()], rows, COVERS.index("bare"))
 
 
 def grid_around(drive: Drive) -> Grid:
@@ -111,7 +110,8 @@ def grid_around(drive: Drive) -> Grid:
     half, xy = np.array(drive.world.size) / 2, drive.poses[:, :2, 3]
     low = np.ceil(np.maximum(xy.min(axis=0) - REACH, -half) / RESOLUTION).astype(int)
     n, m = np.floor(np.minimum(xy.max(axis=0) + REACH, half) / RESOLUTION).astype(int) - low
-    return Grid(*(low * RESOLUTION).tolist(), RESOLUTION, (int(n), int(m)))
+    x0, y0 = (low * RESOLUTION).tolist()
+    return Grid(x0, y0, RESOLUTION, (int(n), int(m)))
 
 
 def within_reach(drive: Drive, grid: Grid) -> Mask:
@@ -154,7 +154,7 @@ def mean_of(points: Array, grid: Grid) -> Array:
     points, cell = cells_of(points, grid)
     size = grid.shape[0] * grid.shape[1]
     total, count = np.bincount(cell, points[:, 2], size), np.bincount(cell, minlength=size)
-    return np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(grid.shape)
+    return np.asarray(total / np.where(count > 0, count, np.nan)).reshape(grid.shape)
 
 
 def cloth(clouds: Sequence[Array], poses: Array, grid: Grid) -> Array:
@@ -200,7 +200,7 @@ def methods_of(names: Sequence[str]) -> dict[str, Method]:
 
 def rows_of(estimates: Mapping[str, Array], truth: Truth, scored: Mask) -> Iterator[list[object]]:
     """Yield a row of the table for each class of at least ``FEW`` cells and each method."""
-    for k, name in enumerate(COVERS):
+    for k, name in enumerate(COVERS[:-1]):  # no LiDAR sees the ground below water
         own = scored & (truth.cover == k)
         for method, heights in estimates.items() if own.sum() >= FEW else ():
             height = float(np.median(truth.height[own]))
@@ -214,7 +214,7 @@ def picture(estimates: Mapping[str, Array], truth: Truth, scored: Mask, file: st
 
     colours = ("#c8ab7a", "#b5d77a", "#5f9e2f", "#8e6bbf", "#e3b04b", "#3f6b3a", "#7f7f7f", "#4a90d9")
     extent = (0.0, truth.grid.shape[0] * RESOLUTION, 0.0, truth.grid.shape[1] * RESOLUTION)
-    figure = Figure((12, 8), layout="constrained")
+    figure = Figure((12, 6), layout="constrained")
     first, *others = figure.subplots(-(-(1 + len(estimates)) // 2), 2).flat
     kinds = np.where(scored, truth.cover, np.nan)
     shown = first.imshow(kinds.T, origin="lower", extent=extent, cmap=ListedColormap(colours), vmin=-0.5, vmax=7.5)

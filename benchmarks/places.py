@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from drives import Drive, arguments, method_of, scanned, show, with_lidar
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from fieldtruth.core import transforms
@@ -71,7 +72,7 @@ def _context(cloud: Array) -> Array:
     return heights
 
 
-def _spectra(contexts: Array) -> tuple[Array, Array]:
+def _spectra(contexts: Array) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Spectra along the sectors of contexts (k, rings, sectors) with columns of length 1, and of what is not empty."""
     length = np.linalg.norm(contexts, axis=1, keepdims=True)
     columns = np.divide(contexts, length, out=np.zeros_like(contexts), where=length > 0)

@@ -221,7 +221,7 @@ def main() -> None:
     parser = drive_arguments(__doc__ or "", ("forest", "park"))
     options = parser.parse_args()
     try:
-        methods = METHODS | {name: method_of(name) for name in options.method}
+        methods = {**METHODS, **{name: method_of(name) for name in options.method}}
         rows: dict[str, list[list[object]]] = {"distance": [], "share": []}
         for environment in options.envs:
             drive = driven(environment, options.seconds, options.signal)
