@@ -62,7 +62,7 @@ def scan_context(queries: Sequence[Array], database: Sequence[Array]) -> Array:
 
 
 def _context(cloud: Array) -> Array:
-    """Greatest heights (rings, sectors) [m] above ``LIFT`` below the LiDAR, 0 where there are none."""
+    """Greatest heights (rings, sectors) [m] above ``LIFT`` below the LiDAR, 0 in empty cells."""
     distance = np.hypot(cloud[:, 0], cloud[:, 1])
     inside = distance < REACH
     ring = (distance[inside] / REACH * RINGS).astype(int)

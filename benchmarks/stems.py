@@ -90,7 +90,7 @@ def stems_of(drive: Drive) -> Iterator[Stem]:
 def wood_of(world: World, mesh: Mesh) -> Array:
     """Triangles (t, 3, 3) [m] of trunk and branches of a mesh, in its frame."""
     label = np.array([world.materials[name].label for name in mesh.materials])[mesh.material]
-    return mesh.vertices[mesh.faces[label == Label.TRUNK]].astype(np.float64)
+    return np.asarray(mesh.vertices[mesh.faces[label == Label.TRUNK]], np.float64)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -125,8 +125,10 @@ def consensus(points: Array) -> Sequence[float] | None:
 
 
 def _nearest(points: Array, start: Sequence[float]) -> Sequence[float]:
-    found = least_squares(lambda circle: np.hypot(*(points - circle[:2]).T) - circle[2], start)
-    return [float(value) for value in found.x]
+    def off(circle: Array) -> Array:
+        return np.asarray(np.hypot(*(points - circle[:2]).T) - circle[2])
+
+    return [float(value) for value in least_squares(off, start).x]
 
 
 def _of_a_stem(circle: Sequence[float] | None) -> Sequence[float] | None:
@@ -205,7 +207,8 @@ def picture(stem: Stem, points: Array, methods: Mapping[str, Method], file: str)
     xy = points[np.abs(points[:, 2] - stem.ground - BREAST_HEIGHT) <= SLICE, :2]
     axes.plot(*xy.T, ".", color="black", markersize=3)
     circles = {"true": (*stem.section[:2], stem.section.diameter / 2)}
-    circles |= {name: circle[:3] for name, method in methods.items() if (circle := method(xy)) is not None}
+    fits = {name: method(xy) for name, method in methods.items()}
+    circles |= {name: (fit[0], fit[1], fit[2]) for name, fit in fits.items() if fit is not None}
     for (name, (x, y, radius)), colour in zip(
         circles.items(), ("#2a9d3a", "#d1495b", "#e3a008", "#3266c2"), strict=False
     ):

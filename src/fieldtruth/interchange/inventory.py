@@ -164,7 +164,8 @@ def trunk_section(wood: Array, height: float, xy: Array) -> Section | None:
     if not len(near):
         return None
     k = near[np.argmax(area[near])]
-    return Section(*(xy + middles[k]).tolist(), circle_diameter(float(area[k])))
+    x, y = (xy + middles[k]).tolist()
+    return Section(x, y, circle_diameter(float(area[k])))
 
 
 def _crossing(one: Array, other: Array, height: float) -> Array:
