@@ -260,7 +260,7 @@ def test_an_exception_of_a_worker(whole: Content, tmp_path: Path) -> None:
     def breaking() -> None:
         FakeCamera.render = fail  # type: ignore[assignment, method-assign]
 
-    def fail(self: FakeCamera, world_from_optical: object, robot: object) -> NoReturn:
+    def fail(self: FakeCamera, world_from_optical: object, robot: object, stamp_ns: int) -> NoReturn:
         raise MemoryError("out of memory")
 
     code, (line,) = run(tmp_path / "data", breaking)
