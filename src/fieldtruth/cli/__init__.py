@@ -38,7 +38,7 @@ RENAMED: Final = {
     ("shares", "--all"): "all",
 }
 """Present name of an option by command and earlier name."""
-RESUMABLE: Final = ("generate", "annotate", "degrade")
+RESUMABLE: Final = ("generate", "annotate", "degrade", "cost")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -112,6 +112,11 @@ def words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",")]
 
 
+def numbers(text: str) -> list[float]:
+    """Parse numbers separated by commas."""
+    return [number(word) for word in words(text)]
+
+
 def area(text: str) -> list[float]:
     """Parse a rectangle."""
     try:
@@ -123,7 +128,15 @@ def area(text: str) -> list[float]:
     return [x0, y0, x1, y1]
 
 
-_TYPES: Final = {"area": area, "count": count, "number": number, "path": Path, "seed": seed, "words": words}
+_TYPES: Final = {
+    "area": area,
+    "count": count,
+    "number": number,
+    "numbers": numbers,
+    "path": Path,
+    "seed": seed,
+    "words": words,
+}
 
 
 def add_arguments(parser: Parser, rows: Mapping[str, str | Mapping[str, Any]]) -> None:

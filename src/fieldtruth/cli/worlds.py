@@ -69,13 +69,7 @@ def _scene(options: argparse.Namespace) -> None:
 
 
 def _map(options: argparse.Namespace) -> None:
-    like = _experiment_named(options.environment)
-    layouts: tuple[Mapping[str, Any], ...] = ()
-    if like is not None:
-        options.environment, layouts = like.environment, ({}, like.layout)
-    if options.seed is None:
-        options.seed = 0 if like is None else like.seed
-    stem = f"{chosen(options, *layouts).world_name}_{options.seed}"
+    _, layouts, stem = _selected(options)
     from fieldtruth.world_maps import check_layers, check_map, write_map
 
     check_map(stem, options.out, to=options.to, overwrite=options.overwrite)
@@ -86,6 +80,41 @@ def _map(options: argparse.Namespace) -> None:
             world = selected_world(options, *layouts)
         out = write_map(world, options.out, **asked, progress=progress)
     print_output(out)
+
+
+def _cost(options: argparse.Namespace) -> None:
+    like, layouts, stem = _selected(options)
+    from fieldtruth.cost import check_cost, check_cost_output, write_cost_map
+    from fieldtruth.experiment.catalogue import ROBOTS
+    from fieldtruth.experiment.rig import Rig
+
+    if options.robot is not None and options.robot not in ROBOTS:
+        raise UnknownNameError("robot", options.robot, ROBOTS)
+    rig = Rig.model_validate({"robot": options.robot or "husky"}) if options.robot or like is None else like.rig
+    check_cost(rig.robot, options.speed, options.headings, options.resolution)
+    check_cost_output(stem, options.out, to=options.to, overwrite=options.overwrite)
+    asked = {
+        key: getattr(options, key) for key in ("to", "headings", "resolution", "area", "full", "overwrite", "workers")
+    }
+    with show_progress() as progress:
+        with progress.stage("build the world"):
+            world = selected_world(options, *layouts)
+        out = write_cost_map(world, options.out, rig=rig, speeds=options.speed, **asked, progress=progress)
+    print_output(out)
+
+
+def _selected(options: argparse.Namespace) -> "tuple[Experiment | None, tuple[Mapping[str, Any], ...], str]":
+    """Return the experiment that is named, None for an environment, the layouts for ``chosen``, and the output's stem.
+
+    Environment and seed of the options become those of the world.
+    """
+    like = _experiment_named(options.environment)
+    layouts: tuple[Mapping[str, Any], ...] = ()
+    if like is not None:
+        options.environment, layouts = like.environment, ({}, like.layout)
+    if options.seed is None:
+        options.seed = 0 if like is None else like.seed
+    return like, layouts, f"{chosen(options, *layouts).world_name}_{options.seed}"
 
 
 def _experiment_named(name: str) -> "Experiment | None":
@@ -219,8 +248,18 @@ def _kind(entry: "Entry") -> str:
     name = entry.path.name
     if entry.path.is_dir():
         return "kernels"
-    return "unfinished" if name.endswith(".part") else "light" if name.startswith("light-") else "world"
+    if name.endswith(".part"):
+        return "unfinished"
+    return next((kind for kind in ("light", "passage") if name.startswith(f"{kind}-")), "world")
 
 
-COMMANDS: Final = {"world": _world, "scene": _scene, "map": _map, "gazebo": _gazebo, "rig": _rig, "cache": _cache}
+COMMANDS: Final = {
+    "world": _world,
+    "scene": _scene,
+    "map": _map,
+    "cost": _cost,
+    "gazebo": _gazebo,
+    "rig": _rig,
+    "cache": _cache,
+}
 """Sub-commands by name."""

@@ -380,8 +380,13 @@ class SimulatedRobot:
         self.work = saved.work
         self._following.restore(saved.surroundings)
 
-    def spawn(self, start_xy: Array, ahead_xy: Array) -> Array:
-        """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
+    def enter(self, xy: Array) -> None:
+        """Have the physics of the part of the world around a point (2,) [m] before the robot is put down."""
+        self._following.at(xy)
+        self._xy = xy
+
+    def spawn(self, start_xy: Array, ahead_xy: Array, settle_s: float = SETTLE_SECONDS) -> Array:
+        """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, and return the state at time 0, ``settle_s`` later."""
         north, west = ahead_xy - start_xy
         self._xy = start_xy
         here = self._following.at(start_xy)
@@ -390,7 +395,7 @@ class SimulatedRobot:
         here.data.qpos[:3], here.data.qpos[3:7] = resting_pose(
             here.bearing, start_xy, math.atan2(west, north), self._rig
         )
-        self.steps = -round(SETTLE_SECONDS / self._step_s)
+        self.steps = -round(settle_s / self._step_s)
         settled: Array = self.advance(STOP, -self.steps)[-1]
         self.work = 0.0
         return settled

@@ -9,13 +9,9 @@ path must be as long as it was then, or the world is not the one of the list.
 import csv
 import hashlib
 import json
-import signal
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from importlib import resources
 from itertools import groupby
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -24,6 +20,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.core.files import output_errors, output_path, write_atomically
+from fieldtruth.core.parallel import as_done
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.learning.environment import TIME, Reach
 from fieldtruth.learning.policies import Act, call
@@ -176,20 +173,7 @@ def _results(groups: Sequence[Sequence[BenchmarkTask]], driver: Driver, workers:
     if not groups or not workers:
         yield from ([result] for tasks in groups for result in _driven(tasks, driver))
         return
-    others = {*active_children()}
-    ignore_interrupts = signal.signal, (signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all processes
-    with ProcessPoolExecutor(workers, get_context("spawn"), *ignore_interrupts, max_tasks_per_child=1) as pool:
-        try:
-            for job in as_completed([pool.submit(_drive_in_world, tasks, driver) for tasks in groups]):
-                yield job.result()
-        except BrokenProcessPool as error:
-            raise OutputError(
-                "a process that drove was ended, perhaps for lack of memory; take fewer --workers"
-            ) from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in {*active_children()} - others:
-                child.terminate()
+    yield from as_done(_drive_in_world, [(tasks, driver) for tasks in groups], workers, tasks_per_process=1)
 
 
 def _read(path: Path, head: Mapping[str, Any]) -> dict[int, Result]:

@@ -67,7 +67,7 @@ def write_map(
     sources = [each.source for names, each in FILTERS.items() if {*names} & {*wanted}]
     stored, progress = list(dict.fromkeys([*wanted, *sources])), progress or Silent()
     with output_errors(target):
-        _check_size(target, to, grid, stored, wanted)
+        check_size(target, to, grid, *([LAYERS[name].dtype for name in names] for names in (stored, wanted)))
         target.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent, ignore_cleanup_errors=True) as folder:
             paths = {name: Path(folder) / f"{name}.npy" for name in stored}
@@ -130,12 +130,15 @@ def grid_of(world: World, resolution: float, area: Sequence[float] | None = None
     return Grid(float(low[0]), float(low[1]), resolution, (int(n), int(m)))
 
 
-def _check_size(target: Path, to: str, grid: Grid, stored: Sequence[str], wanted: Sequence[str]) -> None:
-    """Check that layers and output, uncompressed, fit on the disk, and into the format; OutputError: both figures."""
+def check_size(target: Path, to: str, grid: Grid, stored: Sequence[str], wanted: Sequence[str]) -> None:
+    """Check that layers and output, uncompressed, fit on the disk, and into the format; OutputError: both figures.
+
+    ``stored`` and ``wanted`` are the types of layers that are files while a map is made, and of those of the output.
+    """
     cells = grid.shape[0] * grid.shape[1]
     output, most = cells * 4 * len(wanted), FORMATS[to].most_bytes
     free = disk_usage(next(each for each in target.absolute().parents if each.exists())).free
-    needed = cells * sum(np.dtype(LAYERS[name].dtype).itemsize for name in stored) + output + _SPARE
+    needed = cells * sum(np.dtype(each).itemsize for each in stored) + output + _SPARE
     less = f"of {grid.shape[0]} x {grid.shape[1]} cells; take fewer --layers, an --area or a coarser --resolution"
     if needed > free:
         figures = f"{needed / 1e9:.1f} GB of disk, but {free / 1e9:.1f} GB are free"

@@ -6,7 +6,7 @@ Layers are arrays over x and y. A GeoTIFF has north at the top, which is x, and 
 both axes are turned round. So are the matrices of grid_map, which begin at the greatest x and y.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -21,7 +21,7 @@ from fieldtruth.core.geodesy import Origin
 from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.kernels.columns import LOW
 from fieldtruth.world.model import World
-from fieldtruth.world_maps.layers import LAYERS, Grid, Layers
+from fieldtruth.world_maps.layers import LAYERS, Grid, Layer, Layers
 
 ABOUT: Final = "map.yaml"
 """File of a folder that says what is in it."""
@@ -35,12 +35,13 @@ _SEMI_MAJOR, _ECCENTRICITY2 = 6_378_137.0, 6.694379990141e-3  # of WGS 84
 
 
 class MadeMap(NamedTuple):
-    """A map that is made: its layers (n, m), and names of their numbers by table."""
+    """A map that is made: its layers (n, m), names of their numbers by table, and what the layers are."""
 
     world: World
     grid: Grid
     layers: Layers
     names: dict[str, dict[int, str]]
+    rows: Mapping[str, Layer] = LAYERS
 
 
 class Format(NamedTuple):
@@ -63,7 +64,9 @@ def about(made: MadeMap) -> dict[str, Any]:
     return {
         "world": {"name": made.world.name, "seed": made.world.seed, "origin": [float(v) for v in made.world.origin]},
         "grid": {"x0": grid.x0, "y0": grid.y0, "resolution": grid.resolution, "shape": list(grid.shape)},
-        "layers": {name: {"unit": LAYERS[name].unit, "description": LAYERS[name].description} for name in made.layers},
+        "layers": {
+            name: {"unit": made.rows[name].unit, "description": made.rows[name].description} for name in made.layers
+        },
         **made.names,
     }
 
@@ -97,7 +100,7 @@ def _write_tiff(path: Path, name: str, values: NDArray[Any], transform: Any, mad
     import rasterio
     from rasterio.windows import Window
 
-    layer, (rows, columns) = LAYERS[name], values.shape
+    layer, (rows, columns) = made.rows[name], values.shape
     none = np.nan if values.dtype.kind == "f" else 0 if "0: none" in layer.description else None
     profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": values.dtype, "nodata": none}
     tiles = {"tiled": True, "blockxsize": 256, "blockysize": 256, "compress": "deflate", "bigtiff": "if_safer"}
