@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A drive of the simulated robot straight over a spot, and what it costs: the measured metre has the spot in its middle.
+"""A drive of the simulated robot straight over a spot, and what it costs: a metre with the spot in its middle.
 
 The robot is put down behind the spot, comes to rest, and gains its speed on a run-up before the metre that is measured.
 A steering follower holds the heading, as that of a drive does on the way to a waypoint far ahead.
@@ -33,7 +33,8 @@ _SPARE: Final = 0.25  # [m] of the run-up at full speed
 _PATIENCE: Final = 2.0
 """Times the undisturbed time of the way after which the robot is too slow."""
 _FALL_S: Final = 0.1
-"""Time [s] without a load on the wheels of an axle or side that is a fall: of 5 cm."""
+_FALL_SPEED: Final = 0.3
+"""A fall: this long [s] no load on the wheels of an axle or side, of a robot that sinks faster than this [m/s]."""
 _PAIRS: Final = {4: ((0, 1), (2, 3), (0, 2), (1, 3)), 2: ((0, 1),)}
 """Wheels of axles and sides by the number of wheels. On a diagonal the robot stands, as its middle is on it."""
 
@@ -146,7 +147,8 @@ class SpotRobot:
             work.append(physics.work)
             along.append(float((states[-1][-1, :2] - start) @ ahead))
             loads = physics.surroundings.contacts.wheels.load
-            falling = falling + 1 if (loads[self._pairs] <= 0.0).all(axis=1).any() else 0
+            hangs = bool((loads[self._pairs] <= 0.0).all(axis=1).any())
+            falling = falling + 1 if hangs and states[-1][-1, 9] < -_FALL_SPEED else 0
             if falling * period_s >= _FALL_S - 1e-9:
                 watch.note(Cause.DROPS)
             if not math.isfinite(along[-1]):

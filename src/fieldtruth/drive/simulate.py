@@ -386,7 +386,7 @@ class SimulatedRobot:
         self._xy = xy
 
     def spawn(self, start_xy: Array, ahead_xy: Array, settle_s: float = SETTLE_SECONDS) -> Array:
-        """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, and return the state at time 0, ``settle_s`` later."""
+        """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
         north, west = ahead_xy - start_xy
         self._xy = start_xy
         here = self._following.at(start_xy)
