@@ -83,7 +83,7 @@ def tolerances(robot: RobotConfig, speed: float) -> Array:
     return np.array(Passage(slip=0.05, tilt=0.05, peak=np.inf, rms=0.5, energy=0.03 * weight, time=0.1 / speed))
 
 
-class _Tiles:
+class TileDrives:
     """Drives over the tiles of an order in a world."""
 
     def __init__(self, world: World, order: Order) -> None:
@@ -99,11 +99,11 @@ class _Tiles:
             return robot.over(np.array([x[i], y[j]]), float(angles[k]), speed)
 
         shape, alike = (len(x), len(y), len(angles)), tolerances(order.rig.robot, speed)
-        all_ = found_costs(shape, drive, self._hazard(x, y, speed), order.first, alike)
+        all_ = found_costs(shape, drive, self.hazard(x, y, speed), order.first, alike)
         own = tuple(slice(s.stop - s.start) for s in order.cells(tile))
         return Costs(*(np.ascontiguousarray(values[own]) for values in all_))
 
-    def _hazard(self, x: Array, y: Array, speed: float) -> Mask:
+    def hazard(self, x: Array, y: Array, speed: float) -> Mask:
         """Return whether a hazard of the planner's map is near the way over each node at each heading."""
         points, angles = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1), self._order.angles()
         ahead = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -114,11 +114,11 @@ class _Tiles:
         return near
 
 
-_entered: list[_Tiles] = []
+_entered: list[TileDrives] = []
 
 
 def _enter(world: World, order: Order) -> None:
-    _entered[:] = [_Tiles(world, order)]
+    _entered[:] = [TileDrives(world, order)]
 
 
 def _make(path: Path, tile: tuple[int, int], speed: float) -> tuple[tuple[int, int], Costs]:
