@@ -121,9 +121,8 @@ def scheme(environment: str, path: str) -> None:
     x, y = (start + (np.arange(k) + 0.5) * grid.resolution for start, k in ((grid.x0, n), (grid.y0, m)))
     hazard = TileDrives(ft.load_world(environment, 0), order).hazard(x, y, 1.0)
     true = values[:n, :m].astype(np.float64)
-    print(
-        f"{n} x {m} cells, {headings} headings; {(cause[:n, :m] == 0).mean():.3f} pass; {hazard.mean():.3f} near a hazard"
-    )
+    passes = (cause[:n, :m] == Cause.PASSES).mean()
+    print(f"{n} x {m} cells, {headings} headings; {passes:.3f} pass, {hazard.mean():.3f} near hazards")
     for factor in (0.0, 0.5, 1.0, 1.5, 2.0, 4.0, np.inf):
         alike = tolerances(order.rig.robot, 1.0) * (factor if factor else -1.0)
 
@@ -165,12 +164,11 @@ def picture(environment: str, path: str, *maps: str) -> None:
     figure, axes = pyplot.subplots(
         1, 1 + len(maps), figsize=(4 * (1 + len(maps)), 4), layout="constrained", squeeze=False
     )
-    extent = (-y0, -y1, x1, x0)  # north up, west to the left
 
     def turned(values: NDArray[Any]) -> NDArray[Any]:
         return values[::-1, ::-1]
 
-    box = (-y1, -y0, x0, x1)
+    box = (-y1, -y0, x0, x1)  # north up, west to the left
     axes[0, 0].imshow(turned(image), extent=box)
     axes[0, 0].set_title(f"{environment}: classes, obstacles dark", fontsize=9)
     for each, name in zip(axes[0, 1:], maps, strict=True):
@@ -181,7 +179,6 @@ def picture(environment: str, path: str, *maps: str) -> None:
         each.imshow(turned(np.where(share < 1.0, 1.0 - share, np.nan)), extent=box, cmap="Reds", vmin=0.0, vmax=1.0)
         each.set_title(f"{Path(name).stem}: median {weight:.0f} J/m, {share.mean():.0%} pass", fontsize=9)
         figure.colorbar(drawn, ax=each, shrink=0.7, label="energy over its median")
-    del extent
     pyplot.savefig(path, dpi=80)
 
 

@@ -80,7 +80,7 @@ class Order:
 def tolerances(robot: RobotConfig, speed: float) -> Array:
     """Differences of the costs up to which spots are alike, in the order of ``Passage``."""
     weight = robot.mass * GRAVITY
-    return np.array(Passage(slip=0.05, tilt=0.05, peak=np.inf, rms=0.5, energy=0.03 * weight, time=0.1 / speed))
+    return np.array(Passage(slip=0.1, tilt=0.1, peak=np.inf, rms=1.0, energy=0.06 * weight, time=0.2 / speed))
 
 
 class TileDrives:
