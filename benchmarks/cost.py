@@ -118,7 +118,10 @@ def scheme(environment: str, path: str) -> None:
     first = round(1.0 / grid.resolution)
     n, m = ((count - 1) // first * first + 1 for count in grid.shape)
     order = Order(Rig(), grid._replace(shape=(n, m)), headings, first)
-    x, y = (start + (np.arange(k) + 0.5) * grid.resolution for start, k in ((grid.x0, n), (grid.y0, m)))
+    x, y = (
+        np.asarray(start + (np.arange(k) + 0.5) * grid.resolution, np.float64)
+        for start, k in ((grid.x0, n), (grid.y0, m))
+    )
     hazard = TileDrives(ft.load_world(environment, 0), order).hazard(x, y, 1.0)
     true = values[:n, :m].astype(np.float64)
     passes = (cause[:n, :m] == Cause.PASSES).mean()

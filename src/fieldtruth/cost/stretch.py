@@ -178,5 +178,5 @@ class SpotRobot:
             peak=float(np.abs(rising).max()),
             rms=float(np.sqrt(np.mean(rising**2))),
             energy=between(work, np.concatenate([[0.0], along[_PERIOD - 1 :: _PERIOD]])) / LENGTH,
-            time=between(np.arange(1, len(along) + 1) * step_s) / LENGTH,
+            time=between(np.asarray(np.arange(1, len(along) + 1) * step_s, np.float64)) / LENGTH,
         )

@@ -53,7 +53,8 @@ class Order:
 
     def tiles(self) -> list[tuple[int, int]]:
         """Return the numbers of the tiles along x and y."""
-        return [*itertools.product(*(range(math.ceil(n / self.side)) for n in self.grid.shape))]
+        n, m = (math.ceil(count / self.side) for count in self.grid.shape)
+        return [*itertools.product(range(n), range(m))]
 
     def cells(self, tile: tuple[int, int]) -> tuple[slice, slice]:
         """Return the cells of a tile in the grid."""
@@ -62,19 +63,19 @@ class Order:
 
     def nodes(self, tile: tuple[int, int]) -> tuple[Array, Array]:
         """Return x and y [m] of a tile's cells, and of those beyond it up to the next that is driven first."""
-        grid, cells = self.grid, self.cells(tile)
-        counts = [math.ceil((s.stop - s.start - 1) / self.first) * self.first + 1 for s in cells]
+        x, y = self.cells(tile)
+        return self._nodes_along(self.grid.x0, x), self._nodes_along(self.grid.y0, y)
+
+    def _nodes_along(self, start: float, cells: slice) -> Array:
+        count = math.ceil((cells.stop - cells.start - 1) / self.first) * self.first + 1
         if self.first > 1:  # the tile beside begins with a cell that is driven first
-            counts = [max(n, self.first + 1) for n in counts]
-        x, y = (
-            start + (s.start + np.arange(n) + 0.5) * grid.resolution
-            for start, s, n in zip((grid.x0, grid.y0), cells, counts, strict=True)
-        )
-        return x, y
+            count = max(count, self.first + 1)
+        nodes: Array = start + (cells.start + np.arange(count) + 0.5) * self.grid.resolution
+        return nodes
 
     def angles(self) -> Array:
         """Return the headings [rad]: 0 is along x, positive to the left."""
-        return np.arange(self.headings) * (math.tau / self.headings)
+        return np.asarray(np.arange(self.headings) * (math.tau / self.headings), np.float64)
 
 
 def tolerances(robot: RobotConfig, speed: float) -> Array:
@@ -101,7 +102,7 @@ class TileDrives:
         shape, alike = (len(x), len(y), len(angles)), tolerances(order.rig.robot, speed)
         all_ = found_costs(shape, drive, self.hazard(x, y, speed), order.first, alike)
         own = tuple(slice(s.stop - s.start) for s in order.cells(tile))
-        return Costs(*(np.ascontiguousarray(values[own]) for values in all_))
+        return Costs(all_.cause[own], all_.values[own], all_.driven[own])
 
     def hazard(self, x: Array, y: Array, speed: float) -> Mask:
         """Return whether a hazard of the planner's map is near the way over each node at each heading."""
