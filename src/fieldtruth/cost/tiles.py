@@ -18,7 +18,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.cache import cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
-from fieldtruth.core.parallel import as_done
+from fieldtruth.core.processes import as_done
 from fieldtruth.cost.scheme import Costs, found_costs
 from fieldtruth.cost.stretch import LENGTH, Cause, Passage, SpotRobot, run_up
 from fieldtruth.drive.traversability import Traversability

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.core.files import output_errors, output_path, write_atomically
-from fieldtruth.core.parallel import as_done
+from fieldtruth.core.processes import as_done
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.learning.environment import TIME, Reach
 from fieldtruth.learning.policies import Act, call
