@@ -186,5 +186,9 @@ def picture(environment: str, path: str, *maps: str) -> None:
 
 
 if __name__ == "__main__":
-    name, *arguments = sys.argv[1:]
-    {"steps": steps, "curves": curves, "scheme": scheme, "picture": picture}[name](*arguments)  # type: ignore[operator]
+    known: dict[str, Any] = {"steps": steps, "curves": curves, "scheme": scheme, "picture": picture}
+    name, *arguments = sys.argv[1:] or [""]
+    if name not in known:
+        print(f"error: the first argument must be one of {', '.join(known)}, got {name!r}", file=sys.stderr)
+        sys.exit(2)
+    known[name](*arguments)

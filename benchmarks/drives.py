@@ -3,7 +3,6 @@
 """Short drives of a LiDAR at poses that are known exactly, for benchmarks against the truth of the world."""
 
 import argparse
-import importlib
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -14,7 +13,6 @@ from scipy.spatial import cKDTree
 import fieldtruth as ft
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.simulation.stepped import experiment_for
@@ -100,25 +98,14 @@ def score(error: Array) -> Score:
     return Score(*map(float, figures))
 
 
-def method_of(name: str) -> Any:
-    """Return the function that MODULE:FUNCTION names.
-
-    Raises:
-        ConfigurationError: it cannot be imported.
-    """
-    module, _, function = name.partition(":")
-    try:
-        return getattr(importlib.import_module(module), function)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigurationError(f"--method must be MODULE:FUNCTION to import, got {name}: {error}") from None
-
-
 def arguments(doc: str, environments: Sequence[str]) -> argparse.ArgumentParser:
     """Parser of the options that the benchmarks have in common."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=list(environments), metavar="ENVIRONMENT")
     parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of the LiDAR")
-    parser.add_argument("--method", action="append", default=[], metavar="MODULE:FUNCTION", help="one of your own")
+    parser.add_argument(
+        "--method", action="append", default=[], metavar="FILE.py:FUNCTION", help="one of your own, or MODULE:FUNCTION"
+    )
     return parser
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Elevation maps against the bare ground below plants, by class of cover: the tables of docs/benchmarks_truth.md.
 
-Run: python benchmarks/elevation.py [--envs NAME ...] [--signal ideal|datasheet] [--method MODULE:FUNCTION]
+Run: python benchmarks/elevation.py [--envs NAME ...] [--signal ideal|datasheet] [--method FILE.py:FUNCTION]
 
 A robot drives along the first route of each environment; its clouds are those of true poses. A method makes heights of
 them: a function ``(clouds, poses, grid) -> heights`` of the scans' points (n, 3) [m] in the world and within the grid,
@@ -24,13 +24,14 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from drives import FIGURES, Drive, drive_arguments, driven, method_of, score, show
+from drives import FIGURES, Drive, drive_arguments, driven, score, show
 from numpy.typing import NDArray
 
 import fieldtruth as ft
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import Label
-from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError
+from fieldtruth.core.user_code import named_function
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.layers import Grid
 
@@ -191,7 +192,15 @@ def methods_of(names: Sequence[str]) -> dict[str, Method]:
         print("cloth is left out: pip install cloth-simulation-filter", file=sys.stderr)
     else:
         found["cloth"] = cloth
-    return found | {name: method_of(name) for name in names}
+    return found | {name: named_function("method", name) for name in names}
+
+
+def heights_of(name: str, given: Any, grid: Grid) -> Array:
+    """Return what a method gave; raises ConfigurationError if it is no array of the grid's shape."""
+    shape = np.shape(given)
+    if shape != grid.shape:
+        raise ConfigurationError(f"method {name} must return heights of shape {grid.shape}, got {shape}")
+    return np.asarray(given, np.float64)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -241,7 +250,9 @@ def main() -> None:
             grid = grid_around(drive)
             truth, scored = truth_of(drive.world, grid), within_reach(drive, grid)
             clouds = [cells_of(scan.points, grid)[0] for scan in drive.scans]
-            estimates = {name: method(clouds, drive.poses, grid) for name, method in methods.items()}
+            estimates = {
+                name: heights_of(name, method(clouds, drive.poses, grid), grid) for name, method in methods.items()
+            }
             show(columns, [[environment, *row] for row in rows_of(estimates, truth, scored)], header=k == 0)
         if options.picture:
             picture(estimates, truth, scored, options.picture)

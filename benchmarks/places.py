@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Places that are seen again, with true distances: lists of frames, and recall@1 (docs/benchmarks_truth.md).
 
-Run: python benchmarks/places.py [--envs NAME ...] [--signal ideal|datasheet] [--method MODULE:FUNCTION] [--out FOLDER]
+Run: python benchmarks/places.py [--envs NAME ...] [--signal ideal|datasheet] [--method FILE.py:FUNCTION] [--out FOLDER]
 
 A robot stands at random places of the trails of an environment, with its view along them in either direction, and a
 LiDAR scans: once for the database, and at other places for the queries. As in Wild-Places (Knights and others 2023,
@@ -18,13 +18,14 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from drives import Drive, arguments, method_of, scanned, show, with_lidar
+from drives import Drive, arguments, scanned, show, with_lidar
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.user_code import named_function
 from fieldtruth.experiment.config import FramesConfig
 
 NEAR: Final = 3.0
@@ -115,7 +116,9 @@ def main() -> None:
     if not 1 <= options.count <= 10_000:
         parser.error(f"argument --count: must be 1 to 10000, got {options.count}")
     try:
-        methods: dict[str, Method] = {"Scan Context": scan_context} | {name: method_of(name) for name in options.method}
+        methods: dict[str, Method] = {"Scan Context": scan_context} | {
+            name: named_function("method", name) for name in options.method
+        }
         for k, environment in enumerate(options.envs):
             experiment, sets = with_lidar(environment, options.signal), dict[str, Drive]()
             for name, seed in SEEDS.items():

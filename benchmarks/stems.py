@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Diameters of stems by circles at breast height, against the meshes: the tables of docs/benchmarks_truth.md.
 
-Run: python benchmarks/stems.py [--envs NAME ...] [--signal ideal|datasheet] [--method MODULE:FUNCTION]
+Run: python benchmarks/stems.py [--envs NAME ...] [--signal ideal|datasheet] [--method FILE.py:FUNCTION]
 
 A robot drives along the first route of each environment. Of each stem, the points of class trunk and of its instance id
 from 1.2 to 1.4 m above the ground are given to a method: a function of points (n, 2) [m], world x and y, that returns
@@ -19,12 +19,13 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from drives import FIGURES, Drive, Scan, drive_arguments, driven, method_of, score, show
+from drives import FIGURES, Drive, Scan, drive_arguments, driven, score, show
 from scipy.optimize import least_squares
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.user_code import named_function
 from fieldtruth.interchange.inventory import BREAST_HEIGHT, Section, moved, named_objects, trunk_section
 from fieldtruth.maps.stems import through
 from fieldtruth.world.model import Mesh, World
@@ -224,7 +225,7 @@ def main() -> None:
     parser = drive_arguments(__doc__ or "", ("forest", "park"))
     options = parser.parse_args()
     try:
-        methods = {**METHODS, **{name: method_of(name) for name in options.method}}
+        methods = {**METHODS, **{name: named_function("method", name) for name in options.method}}
         rows: dict[str, list[list[object]]] = {"distance": [], "share": []}
         for environment in options.envs:
             drive = driven(environment, options.seconds, options.signal)

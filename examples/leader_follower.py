@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two robots in one world: the second keeps 3 m behind the first by what its own LiDAR sees of it."""
 
-import sys
+import argparse
 
 import numpy as np
 
@@ -32,8 +32,10 @@ def follow(cloud: ft.Cloud) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Drive in the park for some seconds, by default 10, and say how far they are apart."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
+    """Drive in the park for some seconds, and say how far they are apart."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seconds", nargs="?", type=float, default=10.0)
+    seconds = parser.parse_args().seconds
     fleet = ft.Fleet(ft.parse_experiment(DUO), sensors=["lidar"])
     frames, command = fleet.reset(seed=0), (0.0, 0.0)
     while fleet.seconds < seconds and not fleet.done:

@@ -19,6 +19,7 @@ from stems import METHODS, Stem, seen_in, seen_share, stems_of, wood_of
 import fieldtruth as ft
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.interchange.inventory import BREAST_HEIGHT, Section, moved, trunk_section
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.layers import Grid
@@ -161,8 +162,8 @@ def test_share_of_the_turn_that_was_seen(degrees: Sequence[float], share: float)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--method", "nowhere:fit"], "--method must be MODULE:FUNCTION to import, got nowhere:fit: No module named"),
-        (["--method", "math:fit"], "--method must be MODULE:FUNCTION to import, got math:fit: module 'math' has no"),
+        (["--method", "nowhere:fit"], "method nowhere:fit: ModuleNotFoundError: No module named"),
+        (["--method", "math:fit"], "method math:fit: AttributeError: module 'math' has no"),
         (["--signal", "some"], "argument --signal: invalid choice: 'some'"),
         (["--envs", "nowhere"], "unknown environment 'nowhere'"),
     ],
@@ -218,3 +219,12 @@ def test_recall_counts_queries_with_a_near_frame() -> None:
     distance = np.array([[2.9, 50.0], [1.0, 3.1], [9.0, 9.0]])
     dissimilarity = np.array([[0.1, 0.5], [0.6, 0.2], [0.1, 0.2]])
     assert places.recall(dissimilarity, distance) == (2, 50.0, 50.0)
+
+
+def test_heights_of_another_shape_are_refused_with_the_method() -> None:
+    grid = Grid(0.0, 0.0, 0.2, (3, 4))
+    with pytest.raises(
+        ConfigurationError, match=r"method mine\.py:f must return heights of shape \(3, 4\), got \(4,\)"
+    ):
+        elevation.heights_of("mine.py:f", np.zeros(4), grid)
+    np.testing.assert_array_equal(elevation.heights_of("mine.py:f", [[1] * 4] * 3, grid), np.ones((3, 4)))

@@ -3,19 +3,16 @@
 """Policies: functions from an observation to an action. Two followers without sensors, and those of users."""
 
 import hashlib
-import importlib
-import importlib.util
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.user_code import named_function
 from fieldtruth.learning.config import LearningConfig
 
 Act = Callable[[Any], Any]
@@ -65,7 +62,7 @@ class Policy:
         """
         if self.name in BUILT_IN:
             return lambda: BUILT_IN[self.name][0]
-        found = _load(self.name)
+        found = _loaded(self.name)
         return found if isinstance(found, type) else lambda: found
 
     def begin(self, env: object) -> Act:
@@ -85,7 +82,7 @@ def policy_of(name: str, observation: Sequence[str] | None = None) -> Policy:
     Raises:
         UnknownNameError, ConfigurationError: policy or observation do not exist.
     """
-    said: Any = BUILT_IN[name][1] if name in BUILT_IN else getattr(_load(name), "observation", "state")
+    said: Any = BUILT_IN[name][1] if name in BUILT_IN else getattr(_loaded(name), "observation", "state")
     if observation is not None:
         said = observation[0] if len(observation) == 1 else tuple(observation)
     return Policy(name, LearningConfig.of({"observation": said}).observation)
@@ -99,28 +96,6 @@ def call(name: str, act: Act, observation: Any) -> Any:
         raise ConfigurationError(f"policy {name}: {type(error).__name__}: {error}") from error
 
 
-@cache
-def _load(name: str) -> Any:
+def _loaded(name: str) -> Any:
     """Return what FILE.py:NAME or MODULE:NAME is; raises as ``Policy.load``."""
-    where, colon, what = name.rpartition(":")
-    if not colon or not where or not what:
-        raise UnknownNameError("policy", name, [*BUILT_IN, "FILE.py:NAME", "MODULE:NAME"])
-    try:
-        module = _module_of_file(Path(where)) if where.endswith(".py") else importlib.import_module(where)
-        found = getattr(module, what)
-    except Exception as error:  # it is the user's code
-        raise ConfigurationError(f"policy {name}: {type(error).__name__}: {error}") from error
-    if not callable(found):
-        raise ConfigurationError(f"policy {name} must be a function or a class, got {type(found).__name__}")
-    return found
-
-
-def _module_of_file(path: Path) -> Any:
-    """Return the module of a file, whose folder can be imported from."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise FileNotFoundError(f"no such file: {path}")
-    sys.path.insert(0, str(path.parent.resolve()))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return named_function("policy", name, BUILT_IN)
