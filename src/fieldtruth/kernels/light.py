@@ -218,6 +218,15 @@ class WireTable(NamedTuple):
     radius: Float32Array  # (tops,) [m] of each top-level geometry; 0: no wire
 
 
+class RobotTable(NamedTuple):
+    """The visible robot that carries the camera, as it hides the sun from the world; without ``parts``, none."""
+
+    parts: Array  # (p, 7) as ``kernels.robot`` takes them, in base_link
+    base_from_optical: Array  # (4, 4)
+    ball: Array  # (4,) centre and radius [m] of a ball around all parts
+    disc: Array  # (n, 3) unit directions to points of the sun's disc, in the world frame
+
+
 class Shading(NamedTuple):
     """All that a photograph needs of a scene."""
 
@@ -232,6 +241,7 @@ class Shading(NamedTuple):
     air: AirTable
     snow: SnowTable
     has_snow: bool
+    robot: RobotTable
 
 
 READ: Final = 15

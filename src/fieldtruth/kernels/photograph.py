@@ -29,6 +29,7 @@ from fieldtruth.kernels.camera_rays import (
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.light import EXPOSURE, READ, Shading, WireTable, air_along, falling_on, read_probes
 from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_top, set_ray, set_time, trace_packet
+from fieldtruth.kernels.robot import place_robot
 from fieldtruth.kernels.shading import ShadingBuffers, new_shading_buffers, shade_batch
 
 WIDEST: Final = 3.0
@@ -68,6 +69,8 @@ def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int
     pixel = 1.0 / view.intrinsics.fx
     wires = len(shading.wires.top) > 0
     set_time(buffers.shadow, view.time)
+    if len(shading.robot.parts) > 0:
+        place_robot(shading.robot, view.pose, buffers.scratch.base_from_world)
     if wires:
         _look_behind(shading, buffers, view, count)
     shade_batch(shading, buffers, count, pixel)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.kernels.light import EXPOSURE, READ, LightTable, falling_on, read_probes
+from fieldtruth.kernels.light import EXPOSURE, READ, LightTable, RobotTable, falling_on, read_probes
 from fieldtruth.kernels.packets import Grid, IntArray, read_grid
 
 RIM: Final = 6 / 13
@@ -122,6 +122,45 @@ def meet_parts(table: Array, origin: Array, directions: Array, found: Surface) -
             normal[k, 2] = (oz + nearest * dz - table[part, 3]) / radius
         else:
             normal[k, 1] = 1.0 if dy < 0.0 else -1.0
+
+
+@kernel
+def place_robot(robot: RobotTable, world_from_optical: Array, base_from_world: Array) -> None:
+    """Write ``base_from_world`` (3, 4) of the robot whose camera has a pose (4, 4)."""
+    own = robot.base_from_optical
+    for row in range(3):
+        shift = own[row, 3]
+        for column in range(3):
+            turned = 0.0
+            for axis in range(3):
+                turned += own[row, axis] * world_from_optical[column, axis]
+            base_from_world[row, column] = turned
+            shift -= turned * world_from_optical[column, 3]
+        base_from_world[row, 3] = shift
+
+
+@kernel
+def sun_past_robot(robot: RobotTable, base_from_world: Array, x: float, y: float, z: float) -> np.float32:
+    """Share of the sun's disc that the robot does not hide from a point [m] in the world."""
+    m, (parts, _, ball, disc) = base_from_world, robot
+    px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
+    py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
+    pz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
+    hidden = 0
+    for k in range(len(disc)):
+        dx = m[0, 0] * disc[k, 0] + m[0, 1] * disc[k, 1] + m[0, 2] * disc[k, 2]
+        dy = m[1, 0] * disc[k, 0] + m[1, 1] * disc[k, 1] + m[1, 2] * disc[k, 2]
+        dz = m[2, 0] * disc[k, 0] + m[2, 1] * disc[k, 1] + m[2, 2] * disc[k, 2]
+        cx, cy, cz = ball[0] - px, ball[1] - py, ball[2] - pz
+        ahead = cx * dx + cy * dy + cz * dz
+        off = cx * cx + cy * cy + cz * cz - ahead * ahead
+        if ahead < -ball[3] or off > (ball[3] + 0.01 * abs(ahead)) ** 2:
+            return np.float32(1.0)
+        for part in range(len(parts)):
+            if enters(parts, part, px, py, pz, dx, dy, dz)[0] < np.inf:
+                hidden += 1
+                break
+    return np.float32(1.0 - hidden / len(disc))
 
 
 class RobotSamples(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Float32Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels import packets
 from fieldtruth.kernels.camera_rays import RayBatch, new_batch, seen_over_map
 from fieldtruth.kernels.compile import inlined, kernel
@@ -39,6 +39,7 @@ from fieldtruth.kernels.light import (
     EXPOSURE,
     SHADOW_RANGE,
     LightTable,
+    RobotTable,
     Shading,
     SnowTable,
     add_disc,
@@ -60,6 +61,7 @@ from fieldtruth.kernels.packets import (
     set_shadow_ray,
     trace_packet,
 )
+from fieldtruth.kernels.robot import sun_past_robot
 
 PASSES: Final = (
     *TERRAIN_PASSES,
@@ -357,6 +359,8 @@ def shade_hits(
     _share_sun(shading, buffers.shadow, buffers.shadow_rows, batch, count, np.float32(pixel), gbuffer)
     if shading.scene.moving != np.uint64(0):
         _shade_by_bodies(shading, buffers.shadow, buffers.shadow_rows, batch, count, gbuffer)
+    if len(shading.robot.parts) > 0:
+        _shade_by_robot(shading.robot, shading.light, buffers.scratch.base_from_world, batch, count, gbuffer)
     if shading.light.has_cloud_shadow:
         _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
     if passes == _ALL:
@@ -430,6 +434,19 @@ def _shade_by_bodies(
                 if ray[_FAR + lane] < zero:
                     gbuffer[rows[lane], SUN] = zero
             filled = 0
+
+
+@kernel(inner=True)
+def _shade_by_robot(
+    robot: RobotTable, light: LightTable, base_from_world: Array, batch: RayBatch, count: int, gbuffer: Float32Array
+) -> None:
+    """Take the sun from hits from which the robot that carries the camera hides it."""
+    top, point, sun = batch.top, batch.point, light.sun
+    sx, sy, sz, zero = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2]), np.float32(0.0)
+    for k in range(count):
+        facing = gbuffer[k, NX] * sx + gbuffer[k, NY] * sy + gbuffer[k, NZ] * sz
+        if top[k] >= 0 and gbuffer[k, SUN] > zero and facing > zero:
+            gbuffer[k, SUN] *= sun_past_robot(robot, base_from_world, point[0, k], point[1, k], point[2, k])
 
 
 @kernel

@@ -4,15 +4,16 @@
 
 Its parts shade each other. How much of the sun reaches it through the trees is traced in each image at ``_NODES``
 points above the deck, and interpolated between them along the sun's rays. Light from sky and ground is as in
-``shading``, with the light in the air where the robot is. The robot casts no shadow on the world.
+``shading``, with the light in the air where the robot is. Its shadow on the world is soft by the width of the sun.
 """
 
 from typing import Final
 
 import numpy as np
 
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.light import RADIUS_DEG, Shading
+from fieldtruth.kernels.light import RADIUS_DEG, RobotTable, Shading
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.kernels.robot import paint_samples
 from fieldtruth.render.light import sun_disc, visibility
@@ -22,6 +23,18 @@ _NODES: Final = (14, 10)
 _MARGIN: Final = 0.1  # [m] beyond the robot's parts
 _ABOVE: Final = 0.02  # [m], of the nodes above the highest part
 _SUN_RAYS: Final = 4
+_SHADOW_RAYS: Final = 12
+"""To the sun's disc, from each point that the robot may shade."""
+
+
+def with_shadow(shading: Shading, view: RobotView) -> Shading:
+    """Return the light in which the robot of a view hides the sun from the world."""
+    table = view.table
+    low, high = (table[:, 1:4] - table[:, 4:7]).min(axis=0), (table[:, 1:4] + table[:, 4:7]).max(axis=0)
+    ball = np.array([*(low + high) / 2, np.linalg.norm(high - low) / 2])
+    disc = sun_disc(shading.light.sun, RADIUS_DEG, _SHADOW_RAYS)
+    pose = np.ascontiguousarray(transforms.inverse(view.optical_from_base))
+    return shading._replace(robot=RobotTable(table, pose, ball, disc))
 
 
 def paint_robot(

@@ -7,7 +7,16 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.light import AirTable, LightTable, MaterialTable, Shading, SnowTable, SurfaceTable, WireTable
+from fieldtruth.kernels.light import (
+    AirTable,
+    LightTable,
+    MaterialTable,
+    RobotTable,
+    Shading,
+    SnowTable,
+    SurfaceTable,
+    WireTable,
+)
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.world.model import Mesh, Terrain
 from fieldtruth.world.seasons.change import hidden_share
@@ -98,4 +107,5 @@ def shading_of(scene: Scene, light: LightTable, materials: MaterialTable, air: A
         air=air,
         snow=snow,
         has_snow=bool(snow.on_top > 0),
+        robot=RobotTable(np.zeros((0, 7)), np.eye(4), np.zeros(4), np.zeros((0, 3))),
     )

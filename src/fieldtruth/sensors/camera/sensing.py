@@ -41,7 +41,7 @@ from fieldtruth.kernels.photograph import (
 )
 from fieldtruth.kernels.tone_curve import tonemap
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.robot import paint_robot
+from fieldtruth.render.robot import paint_robot, with_shadow
 from fieldtruth.sense.air import Drops, rain, snow
 from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotView, hide_world
@@ -81,15 +81,16 @@ class IdealCamera(LabelCamera):
         """
         images = self._own_images()
         labels, interval = self._buffers(images), self._interval(world_from_optical, stamp_ns, stamp_ns)
-        render_linear(self._lit(interval), self._framebuffer, self._view(world_from_optical), labels)
+        render_linear(self._lit(interval, robot), self._framebuffer, self._view(world_from_optical), labels)
         if robot is not None:
             self._paint(robot, world_from_optical, interval, labels)
         tonemap(self._framebuffer.linear, images.photo)
         return images
 
-    def _lit(self, interval: Interval) -> Shading:
-        """Return the light, with what moves."""
-        return self._shading._replace(scene=interval.rays)
+    def _lit(self, interval: Interval, robot: RobotView | None = None) -> Shading:
+        """Return the light, with what moves, and the shadow of the robot."""
+        shading = self._shading._replace(scene=interval.rays)
+        return shading if robot is None else with_shadow(shading, robot)
 
     def _paint(self, robot: RobotView, world_from_optical: Array, interval: Interval, labels: LabelBuffers) -> None:
         """Put the robot before the world, in the light and in the labels."""
@@ -425,7 +426,7 @@ class Camera(IdealCamera):
         if self.config.signal is None or self._signal.is_ideal:
             return Light(super().render(pose, robot, stamp_ns), None)
         metered = self.metered(stamp_ns, world_from_base)
-        images = self.expose(imager, stamp_ns, world_from_base, metered[0].time_s)
+        images = self.expose(imager, stamp_ns, world_from_base, metered[0].time_s, robot)
         if robot is not None:
             self._paint(robot, pose, self._interval(pose, stamp_ns, stamp_ns), self._buffers(images))
         return Light(images, metered)
@@ -494,10 +495,12 @@ class Camera(IdealCamera):
         add_glare(seen, self._signal.glare)
         return seen.astype(np.float64)
 
-    def expose(self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> CameraImages:
+    def expose(
+        self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, time_s: float, robot: RobotView | None = None
+    ) -> CameraImages:
         """Fill ``linear`` with the light of an exposure around a stamp; returns the images of the pose at the stamp.
 
-        Their photograph is not written yet.
+        Their photograph is not written yet. Of the robot there is its shadow.
         """
 
         def stamps_at(seconds: Array) -> NDArray[np.int64]:
@@ -511,7 +514,7 @@ class Camera(IdealCamera):
         begin, end = stamps_at(np.array([-0.5, 0.5]) * (time_s + read_s)).tolist()
         interval = self._interval(pose, begin, end)
         images, view = self._own_images(), self._view(pose, float(interval.share(stamp_ns)))
-        labels, shading = self._buffers(images), self._lit(interval)
+        labels, shading = self._buffers(images), self._lit(interval, robot)
         blurred, skewed = (self._motion(view, optical_at, stamps_at, seconds) for seconds in (time_s, read_s))
         count = int(np.clip(np.ceil(blurred), 1, self._signal.blur_samples))
         if count == 1 and skewed < _STILL:
