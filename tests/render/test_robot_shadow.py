@@ -75,7 +75,7 @@ def darkened(baked: BakedScene, imager: Imager, view: RobotView, poses: PoseAt |
         else:
             images = camera.capture(imager, 0, 500_000_000, poses, robot)
         light.append(camera.linear[..., 1].copy())
-    return light[1] / light[0], images.label != Label.ROBOT
+    return (light[1] / light[0]).astype(np.float64), np.asarray(images.label != Label.ROBOT)
 
 
 def check_shadow(found: tuple[Array, Mask], shadow: Mask, within: float = 1.0) -> None:
@@ -128,7 +128,7 @@ def test_a_leaf_lit_from_behind_loses_the_sun_that_it_lets_through() -> None:
     steep = 0.1 * np.array([x * np.cos(0.9), y * np.cos(0.9), np.sin(0.9)])
     across = np.array([-y, x, 0.0])
     corners = [steep + 0.1 * across, steep - 0.1 * across, -steep - 0.1 * across, -steep + 0.1 * across]
-    leaf = quad("leaf", corners, "leaf"), at(*(middle - 0.55 * np.array([x, y])), 0.1)
+    leaf = quad("leaf", corners, "leaf"), at(middle[0] - 0.55 * x, middle[1] - 0.55 * y, 0.1)
     baked = bake(Scene(make_world([leaf], side=24.0)), SUN)
     imager, view = camera_over(BLOCK)
     assert isinstance(imager.config, CameraConfig)
@@ -143,7 +143,7 @@ def test_the_shadow_moves_with_the_robot(plain: BakedScene) -> None:
     """At 4 m/s and rows that are read for 20 ms, the robot's shadow is where it is in the camera that stands."""
     imager, view = camera_over(BLOCK, SIGNAL)
 
-    def poses(stamps_ns: Array) -> Array:
+    def poses(stamps_ns: int | NDArray[np.int64]) -> Array:
         seconds = np.atleast_1d(np.asarray(stamps_ns)) / 1e9 - 0.5
         found = np.tile(base_pose(), (len(seconds), 1, 1))
         found[:, 0, 3] += 4.0 * seconds
