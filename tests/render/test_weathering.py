@@ -8,6 +8,7 @@ import pytest
 from fieldtruth.core.arrays import Array
 from fieldtruth.kernels.textures import (
     STEEPEST,
+    corked,
     flat_value,
     overgrown,
     patchy,
@@ -70,7 +71,7 @@ def aged(north: float, above: float, amount: float = 1.0, count: int = 1500) -> 
     points = np.random.default_rng(2).uniform(-30, 30, (count, 3)).astype(np.float32)
     own = np.random.default_rng(3).random(count).astype(np.float32)
     colours = [
-        overgrown(GREY, F(1), (x, y, z), vector(0, north, 0), F(above), o, F(amount))
+        overgrown(GREY, F(1), (x, y, z), vector(north, 0, 0), F(above), o, F(amount))
         for (x, y, z), o in zip(points, own, strict=True)
     ]
     assert np.isfinite(colours).all()
@@ -107,3 +108,15 @@ def test_srgb_brightness_is_what_slopes_are_of() -> None:
         atlas = make_atlas([texture])
         rise, _ = texture_slope(atlas, np.uintp(0), F(0.5), F(0.5), 0)
         assert rise == pytest.approx(64 * 25 / 255, rel=1e-5)
+
+
+def test_the_foot_of_pale_bark_is_dark_and_grey_bark_stays() -> None:
+    def mean(colour: tuple[F, F, F], above: float) -> Array:
+        points = np.random.default_rng(4).uniform(-30, 30, (800, 3)).astype(np.float32)
+        return np.mean([corked(colour, (x, y, z), F(above), F(0.5)) for x, y, z in points], axis=0)
+
+    birch, beech = (F(0.42), F(0.4), F(0.36)), (F(0.2), F(0.19), F(0.17))
+    assert mean(birch, 0.1)[1] < 0.2
+    assert mean(birch, 1.0)[1] < 0.36
+    np.testing.assert_allclose(mean(birch, 6.0), birch, rtol=1e-6)
+    np.testing.assert_allclose(mean(beech, 0.1), beech, rtol=1e-6)

@@ -48,6 +48,7 @@ from fieldtruth.kernels.textures import (
     Relief,
     Texels,
     Vector,
+    corked,
     dither,
     flat_value,
     ground_texels,
@@ -527,6 +528,8 @@ def _aged(
     if age[row, WEATHERING] > np.float32(0.0):
         above, top = place
         own = np.float32((top * 40503) & 1023) * np.float32(1.0 / 1024.0)
+        if age[row, FURROWS] > np.float32(0.0):
+            colour = corked(colour, point, above, own)
         colour = overgrown(colour, colour[1] / mean, point, normal, above, own, age[row, WEATHERING])
     elif age[row, PATCHES] > np.float32(0.0):
         colour = patchy(colour, point[0], point[1], age[row, PATCHES])

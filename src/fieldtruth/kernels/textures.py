@@ -281,6 +281,9 @@ _PER_MOSS, _PER_CRUST = np.float32(1.0 / 0.3), np.float32(1.0 / 0.07)
 """Per wavelength [m] of moss and of crusts."""
 _SPLASH, _DAMP = np.float32(0.16), np.float32(0.7)
 """Height [m] above the ground to which rain throws soil, and to which a trunk stays damp."""
+_CORK: Final = np.array([0.06, 0.053, 0.046], np.float32)
+_CORK_HEIGHT: Final = np.float32(1.5)
+"""Height [m] over which the dark, cracked bark at the foot of birches falls to 1/e, in the mean of trunks."""
 _STEEP: Final = np.float32(0.8)  # cosine of the slope above which land shows its other texture
 _PER_LEDGE, _PER_STREAK = np.float32(1.0 / 47.0), np.float32(1.0 / 13.0)
 _LAND: Final = np.array([23.0, 71.0, 260.0], np.float32)
@@ -377,7 +380,7 @@ def overgrown(
     """Albedo of wood or rock with crusts, moss and soil, ``amount`` 0 to 1.
 
     ``bright`` is the texture's brightness over its mean, ``above`` the height [m] over the object's base, ``own`` a
-    number in [0, 1) of the object. Moss grows on the north side and on top, where it is damp near the ground (y is
+    number in [0, 1) of the object. Moss grows on the north side and on top, where it is damp near the ground (x is
     north, z up).
     """
     zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -386,7 +389,7 @@ def overgrown(
     fine = solid_value(x * _PER_CRUST, y * _PER_CRUST, z * _PER_CRUST)
     deep = min(max(one - bright, -one), one)
     foot = np.exp(-max(above, zero) / _DAMP)
-    north = half * normal[1] + np.float32(0.35) * max(normal[2], zero)
+    north = half * normal[0] + np.float32(0.35) * max(normal[2], zero)
     moss = np.float32(1.5) * broad + np.float32(0.5) * fine + np.float32(0.55) * north + np.float32(0.8) * own
     moss += np.float32(0.75) * foot + np.float32(0.3) * deep - np.float32(1.85)
     moss = amount * min(max(np.float32(1.6) * moss, zero), np.float32(0.85))
@@ -408,6 +411,24 @@ def overgrown(
     green = colour[1] * keep + light * (_CRUST[1] * crusted + _MOSS[1] * mossed + _SOIL[1] * soil)
     blue = colour[2] * keep + light * (_CRUST[2] * crusted + _MOSS[2] * mossed + _SOIL[2] * soil)
     return red, green, blue
+
+
+@inlined
+def corked(colour: Colour, point: Vector, above: np.float32, own: np.float32) -> Colour:
+    """Albedo of bark that is pale: dark and cracked at the foot; ``above`` and ``own`` are as in ``overgrown``."""
+    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    pale = min(max(np.float32(5.0) * colour[1] - one, zero), one)
+    x, y, z = point
+    broad = solid_value(x * _PER_MOSS, y * _PER_MOSS, z * _PER_MOSS * half)
+    fine = solid_value(x * _PER_CRUST, y * _PER_CRUST, z * _PER_CRUST * half)
+    foot = np.exp(-max(above, zero) / (_CORK_HEIGHT * (half + own)))
+    share = np.float32(2.5) * foot + np.float32(1.2) * broad + half * fine - np.float32(1.9)
+    share = pale * min(max(share, zero), np.float32(0.85))
+    return (
+        colour[0] + share * (_CORK[0] - colour[0]),
+        colour[1] + share * (_CORK[1] - colour[1]),
+        colour[2] + share * (_CORK[2] - colour[2]),
+    )
 
 
 @inlined

@@ -391,14 +391,20 @@ def far_meadow(rng: Rng) -> Image:
 
 @drawing
 def far_heath(rng: Rng) -> Image:
-    """Distant heath of a mountain: brown heather and straw, gorse, grey rocks; one pixel is 8 cm."""
+    """Distant heath of a mountain: brown heather and straw, gorse, grey rocks; one pixel is 8 cm.
+
+    Most shrubs are smaller than a pixel of a slope that is far away; those of 1 to 2 m are what is seen of it.
+    """
     patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
     colour = mix([(84, 66, 54), (116, 96, 70), (150, 132, 92), (172, 156, 114)], 0.5 + 0.16 * patch + 0.08 * fine)
-    count = 1_500
+    count, large = 1_500, 120
     size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
+    size[:large] = 5.0 * (14.0 / 5.0) ** (rng.random(large) ** 1.5)
     width, lumps = size * rng.uniform(0.7, 1, count), rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
     shrubs = settle(N, [stamps(rng, N, size, width, stone_profile(lumps), rng.uniform(0.3, 1, count))])
-    kind = rng.random(count).astype(np.float32)[shrubs.owner]
+    kinds = rng.random(count).astype(np.float32)
+    kinds[:large] *= 0.12
+    kind = kinds[shrubs.owner]
     green = mix([(50, 58, 34), (74, 84, 44), (112, 82, 84)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
     stone = mix([(138, 132, 124), (178, 171, 162)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
     piece = np.where((kind < 0.72)[..., None], green, stone)
