@@ -38,7 +38,7 @@ from fieldtruth.kernels.light import (
     read_probes,
 )
 from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, IntArray, body_normal, read_grid
-from fieldtruth.kernels.robot import sun_past_robot
+from fieldtruth.kernels.robot import in_reach, sun_past_robot
 from fieldtruth.kernels.textures import (
     FURROWS,
     PATCHES,
@@ -94,7 +94,7 @@ class Scratch(NamedTuple):
     descent: Float32Array  # (n,) of rays towards the ground without its relief, per unit length
     hollow: Float32Array  # (n,) depth [m] below that ground
     probe: Float32Array  # (READ,)
-    base_from_world: Array  # (3, 4) pose of the robot that hides the sun, when the rays are traced
+    robot: Array  # (4, 4) of `place_robot`, at the time of the rays
 
 
 def new_scratch(count: int) -> Scratch:
@@ -106,7 +106,7 @@ def new_scratch(count: int) -> Scratch:
         descent=np.zeros(count, np.float32),
         hollow=np.zeros(count, np.float32),
         probe=np.zeros(READ, np.float32),
-        base_from_world=np.zeros((3, 4)),
+        robot=np.zeros((4, 4)),
     )
 
 
@@ -604,7 +604,7 @@ def _mesh_light(shading: Shading, batch: RayBatch, scratch: Scratch, found: int,
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
     per, zero, one = np.float32(light.volume_per_metre), np.float32(0.0), np.float32(1.0)
     clouds, cloud_sun = light.has_cloud_shadow, light.cloud_sun
-    robot, own, base_from_world = len(shading.robot.parts) > 0, shading.robot, scratch.base_from_world
+    robot, place, visible = shading.robot, scratch.robot, len(shading.robot.parts) > 0
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         nx, ny, nz, share = out[k, NX], out[k, NY], out[k, NZ], out[k, LIGHT]
@@ -615,8 +615,13 @@ def _mesh_light(shading: Shading, batch: RayBatch, scratch: Scratch, found: int,
         behind = max(-(nx * sx + ny * sy + nz * sz), zero) * out[k, SUN] * _PER_PI
         if clouds and through and behind > zero:
             behind *= read_grid(cloud_sun, points[0, k], points[1, k])
-        if robot and through and behind > zero:
-            behind *= sun_past_robot(own, base_from_world, points[0, k], points[1, k], points[2, k])
+        if (
+            visible
+            and through
+            and behind > zero
+            and in_reach(place, points[0, k], points[1, k], points[2, k], light.sun)
+        ):
+            behind *= sun_past_robot(robot, place, points[0, k], points[1, k], points[2, k])
         for channel in range(3):
             albedo, falling = out[k, RED + channel], falling_on(probe, channel, nx, ny, nz)
             if through:

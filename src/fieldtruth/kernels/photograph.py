@@ -70,7 +70,7 @@ def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int
     wires = len(shading.wires.top) > 0
     set_time(buffers.shadow, view.time)
     if len(shading.robot.parts) > 0:
-        place_robot(shading.robot, view.pose, buffers.scratch.base_from_world)
+        place_robot(shading.robot, view.pose, buffers.scratch.robot)
     if wires:
         _look_behind(shading, buffers, view, count)
     shade_batch(shading, buffers, count, pixel)

@@ -124,40 +124,57 @@ def meet_parts(table: Array, origin: Array, directions: Array, found: Surface) -
             normal[k, 1] = 1.0 if dy < 0.0 else -1.0
 
 
+_Vector = tuple[float, float, float]
+
+
+@inlined
+def _turned(pose: Array, x: float, y: float, z: float) -> _Vector:
+    return (
+        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
+        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
+        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z,
+    )
+
+
 @kernel
-def place_robot(robot: RobotTable, world_from_optical: Array, base_from_world: Array) -> None:
-    """Write ``base_from_world`` (3, 4) of the robot whose camera has a pose (4, 4)."""
-    own = robot.base_from_optical
+def place_robot(robot: RobotTable, world_from_optical: Array, place: Array) -> None:
+    """Write ``place`` (4, 4) of the robot whose camera has a pose (4, 4).
+
+    It is base_from_world, whose last row is replaced by the centre, in the world, and the radius [m] of ``robot.ball``.
+    """
+    own, ball = robot.base_from_optical, robot.ball
+    place[3, 0], place[3, 1], place[3, 2], place[3, 3] = 0.0, 0.0, 0.0, ball[3]
     for row in range(3):
-        shift = own[row, 3]
+        place[row, 3] = own[row, 3]
         for column in range(3):
             turned = 0.0
             for axis in range(3):
                 turned += own[row, axis] * world_from_optical[column, axis]
-            base_from_world[row, column] = turned
-            shift -= turned * world_from_optical[column, 3]
-        base_from_world[row, 3] = shift
+            place[row, column] = turned
+            place[row, 3] -= turned * world_from_optical[column, 3]
+        for column in range(3):
+            place[3, column] += place[row, column] * (ball[row] - place[row, 3])
+
+
+@inlined
+def in_reach(place: Array, x: np.float32, y: np.float32, z: np.float32, sun: Array) -> bool:
+    """Return whether a ray from a point [m] in the world to any part of the sun's disc may meet the robot."""
+    cx, cy, cz, radius = place[3, 0] - x, place[3, 1] - y, place[3, 2] - z, place[3, 3]
+    ahead = cx * sun[0] + cy * sun[1] + cz * sun[2]
+    wide = radius + 0.005 * abs(ahead)
+    return ahead > -radius and cx * cx + cy * cy + cz * cz - ahead * ahead < wide * wide  # type: ignore[no-any-return]
 
 
 @kernel
-def sun_past_robot(robot: RobotTable, base_from_world: Array, x: float, y: float, z: float) -> np.float32:
+def sun_past_robot(robot: RobotTable, place: Array, x: float, y: float, z: float) -> np.float32:
     """Share of the sun's disc that the robot does not hide from a point [m] in the world."""
-    m, (parts, _, ball, disc) = base_from_world, robot
-    px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
-    py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
-    pz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-    hidden = 0
+    parts, disc, hidden = robot.parts, robot.disc, 0
+    p = _turned(place, x, y, z)
+    px, py, pz = p[0] + place[0, 3], p[1] + place[1, 3], p[2] + place[2, 3]
     for k in range(len(disc)):
-        dx = m[0, 0] * disc[k, 0] + m[0, 1] * disc[k, 1] + m[0, 2] * disc[k, 2]
-        dy = m[1, 0] * disc[k, 0] + m[1, 1] * disc[k, 1] + m[1, 2] * disc[k, 2]
-        dz = m[2, 0] * disc[k, 0] + m[2, 1] * disc[k, 1] + m[2, 2] * disc[k, 2]
-        cx, cy, cz = ball[0] - px, ball[1] - py, ball[2] - pz
-        ahead = cx * dx + cy * dy + cz * dz
-        off = cx * cx + cy * cy + cz * cz - ahead * ahead
-        if ahead < -ball[3] or off > (ball[3] + 0.01 * abs(ahead)) ** 2:
-            return np.float32(1.0)
+        towards = _turned(place, disc[k, 0], disc[k, 1], disc[k, 2])
         for part in range(len(parts)):
-            if enters(parts, part, px, py, pz, dx, dy, dz)[0] < np.inf:
+            if enters(parts, part, px, py, pz, towards[0], towards[1], towards[2])[0] < np.inf:
                 hidden += 1
                 break
     return np.float32(1.0 - hidden / len(disc))
@@ -179,7 +196,6 @@ ALBEDO: Final = np.array([[0.055, 0.057, 0.060], [0.030, 0.029, 0.028], [0.20, 0
 _MIRROR: Final = np.array([0.04, 0.0, 0.0], np.float32)
 """Reflectance at normal incidence: that of a varnish with the refractive index 1.5, in Schlick's approximation."""
 _MIDDLE: Final = 0.4  # [m] of the robot above the origin of base_link
-_Vector = tuple[float, float, float]
 
 
 @inlined
@@ -190,15 +206,6 @@ def _sun_at(table: Array, sunlit: Grid, level: float, x: float, y: float, z: flo
             return 0.0
     along = (level - z) / max(sun[2], 0.1)
     return float(read_grid(sunlit, x + along * sun[0], y + along * sun[1]))
-
-
-@inlined
-def _turned(pose: Array, x: float, y: float, z: float) -> _Vector:
-    return (
-        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
-        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
-        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z,
-    )
 
 
 @inlined

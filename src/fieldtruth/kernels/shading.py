@@ -61,7 +61,7 @@ from fieldtruth.kernels.packets import (
     set_shadow_ray,
     trace_packet,
 )
-from fieldtruth.kernels.robot import sun_past_robot
+from fieldtruth.kernels.robot import in_reach, sun_past_robot
 
 PASSES: Final = (
     *TERRAIN_PASSES,
@@ -360,7 +360,7 @@ def shade_hits(
     if shading.scene.moving != np.uint64(0):
         _shade_by_bodies(shading, buffers.shadow, buffers.shadow_rows, batch, count, gbuffer)
     if len(shading.robot.parts) > 0:
-        _shade_by_robot(shading.robot, shading.light, buffers.scratch.base_from_world, batch, count, gbuffer)
+        _shade_by_robot(shading.robot, buffers.scratch.robot, shading.light.sun, batch, count, gbuffer)
     if shading.light.has_cloud_shadow:
         _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
     if passes == _ALL:
@@ -438,15 +438,14 @@ def _shade_by_bodies(
 
 @kernel(inner=True)
 def _shade_by_robot(
-    robot: RobotTable, light: LightTable, base_from_world: Array, batch: RayBatch, count: int, gbuffer: Float32Array
+    robot: RobotTable, place: Array, sun: Array, batch: RayBatch, count: int, gbuffer: Float32Array
 ) -> None:
     """Take the sun from hits from which the robot that carries the camera hides it."""
-    top, point, sun = batch.top, batch.point, light.sun
-    sx, sy, sz, zero = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2]), np.float32(0.0)
+    top, point, zero = batch.top, batch.point, np.float32(0.0)
     for k in range(count):
-        facing = gbuffer[k, NX] * sx + gbuffer[k, NY] * sy + gbuffer[k, NZ] * sz
-        if top[k] >= 0 and gbuffer[k, SUN] > zero and facing > zero:
-            gbuffer[k, SUN] *= sun_past_robot(robot, base_from_world, point[0, k], point[1, k], point[2, k])
+        x, y, z = point[0, k], point[1, k], point[2, k]
+        if top[k] >= 0 and gbuffer[k, SUN] > zero and in_reach(place, x, y, z, sun):
+            gbuffer[k, SUN] *= sun_past_robot(robot, place, x, y, z)
 
 
 @kernel
