@@ -113,7 +113,7 @@ def test_srgb_brightness_is_what_slopes_are_of() -> None:
 def test_the_foot_of_pale_bark_is_dark_and_grey_bark_stays() -> None:
     def mean(colour: tuple[F, F, F], above: float) -> Array:
         points = np.random.default_rng(4).uniform(-30, 30, (800, 3)).astype(np.float32)
-        return np.mean([corked(colour, (x, y, z), F(above), F(0.5)) for x, y, z in points], axis=0)
+        return np.asarray(np.mean([corked(colour, (x, y, z), F(above), F(0.5)) for x, y, z in points], axis=0))
 
     birch, beech = (F(0.42), F(0.4), F(0.36)), (F(0.2), F(0.19), F(0.17))
     assert mean(birch, 0.1)[1] < 0.2

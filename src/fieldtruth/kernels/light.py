@@ -224,7 +224,7 @@ class RobotTable(NamedTuple):
     parts: Array  # (p, 7) as ``kernels.robot`` takes them, in base_link
     base_from_optical: Array  # (4, 4)
     ball: Array  # (4,) centre and radius [m] of a ball around all parts
-    disc: Array  # (n, 3) unit directions to points of the sun's disc, in the world frame
+    disc: Array  # (n, 3) unit directions to points of the sun's disc in the world frame, from its rim inwards
 
 
 class Shading(NamedTuple):

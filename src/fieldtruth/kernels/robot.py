@@ -124,6 +124,7 @@ def meet_parts(table: Array, origin: Array, directions: Array, found: Surface) -
             normal[k, 1] = 1.0 if dy < 0.0 else -1.0
 
 
+_FEW: Final = 3
 _Vector = tuple[float, float, float]
 
 
@@ -167,7 +168,10 @@ def in_reach(place: Array, x: np.float32, y: np.float32, z: np.float32, sun: Arr
 
 @kernel
 def sun_past_robot(robot: RobotTable, place: Array, x: float, y: float, z: float) -> np.float32:
-    """Share of the sun's disc that the robot does not hide from a point [m] in the world."""
+    """Share of the sun's disc that the robot does not hide from a point [m] in the world.
+
+    Most points see all of it or nothing, which the first _FEW rays, to its rim, find out.
+    """
     parts, disc, hidden = robot.parts, robot.disc, 0
     p = _turned(place, x, y, z)
     px, py, pz = p[0] + place[0, 3], p[1] + place[1, 3], p[2] + place[2, 3]
@@ -177,6 +181,8 @@ def sun_past_robot(robot: RobotTable, place: Array, x: float, y: float, z: float
             if enters(parts, part, px, py, pz, towards[0], towards[1], towards[2])[0] < np.inf:
                 hidden += 1
                 break
+        if k + 1 == _FEW and hidden % _FEW == 0:
+            return np.float32(1.0 if hidden == 0 else 0.0)
     return np.float32(1.0 - hidden / len(disc))
 
 

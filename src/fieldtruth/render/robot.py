@@ -32,7 +32,7 @@ def with_shadow(shading: Shading, view: RobotView) -> Shading:
     table = view.table
     low, high = (table[:, 1:4] - table[:, 4:7]).min(axis=0), (table[:, 1:4] + table[:, 4:7]).max(axis=0)
     ball = np.array([*(low + high) / 2, np.linalg.norm(high - low) / 2])
-    disc = sun_disc(shading.light.sun, RADIUS_DEG, _SHADOW_RAYS)
+    disc = np.ascontiguousarray(sun_disc(shading.light.sun, RADIUS_DEG, _SHADOW_RAYS)[::-1])
     pose = np.ascontiguousarray(transforms.inverse(view.optical_from_base))
     return shading._replace(robot=RobotTable(table, pose, ball, disc))
 
