@@ -282,7 +282,7 @@ _PER_MOSS, _PER_CRUST = np.float32(1.0 / 0.3), np.float32(1.0 / 0.07)
 _SPLASH, _DAMP = np.float32(0.16), np.float32(0.7)
 """Height [m] above the ground to which rain throws soil, and to which a trunk stays damp."""
 _CORK: Final = np.array([0.06, 0.053, 0.046], np.float32)
-_CORK_HEIGHT: Final = np.float32(1.5)
+_CORK_HEIGHT: Final = np.float32(2.0)
 """Height [m] over which the dark, cracked bark at the foot of birches falls to 1/e, in the mean of trunks."""
 _STEEP: Final = np.float32(0.8)  # cosine of the slope above which land shows its other texture
 _PER_LEDGE, _PER_STREAK = np.float32(1.0 / 47.0), np.float32(1.0 / 13.0)
