@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.file import BAG_ENDINGS, BagError, find_bag, is_database
 from fieldtruth.bag.geometry import Lens, Poses
+from fieldtruth.bag.movers import Movers
 from fieldtruth.bag.readings import Readings, reflectivity
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.stamps import nearest
@@ -74,6 +75,8 @@ class Sample(TypedDict, total=False):
     """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
     """(h, w) instance ids; 0 for sky and robot."""
+    moving_mask: NDArray[np.bool_]
+    """(h, w) whether the object there moves at ``camera_stamp_ns``."""
     normals: NDArray[np.float32]
     """(3, h, w) unit normals of the surfaces, towards the camera, in its optical frame; 0 for the sky."""
     flow: NDArray[np.float32]
@@ -84,6 +87,8 @@ class Sample(TypedDict, total=False):
     """(n,) class ids."""
     instances: NDArray[np.int32]
     """(n,) instance ids."""
+    moving: NDArray[np.bool_]
+    """(n,) whether the object of the point moves at ``lidar_stamp_ns``."""
     reflectivity: NDArray[np.float32]
     """(n,) reflectance of a matt surface that faces the LiDAR and is as bright; 0 of a LiDAR without a signal."""
     rays: Counts
@@ -106,13 +111,22 @@ class Sample(TypedDict, total=False):
     """(4, 4) mount of the LiDAR's frame."""
 
 
+class Meaning(NamedTuple):
+    """What the readings of a run mean."""
+
+    ids: Counts
+    """Output ids by class."""
+    movers: Movers = Movers()  # noqa: RUF009
+    """What moves."""
+
+
 class Item(NamedTuple):
-    """Type and part of a reading, and conversion to an array from the reading and the output ids by class."""
+    """Type and part of a reading, and conversion to an array from the reading and what it means."""
 
     reading: type[Reading]
     part: str
     """Field of an ``Image``; of a ``Cloud`` always ``main``."""
-    value: Callable[[Any, Counts], NDArray[Any]]
+    value: Callable[[Any, Meaning], NDArray[Any]]
 
 
 def _channels_first(image: NDArray[Any]) -> NDArray[Any]:
@@ -131,22 +145,29 @@ def _field(cloud: Cloud, field: str) -> NDArray[Any]:
     return values
 
 
-def _rays(cloud: Cloud, ids: Counts) -> Counts:
+def _moving(reading: Cloud | Image, meaning: Meaning) -> NDArray[np.bool_]:
+    instance = _field(reading, "instance") if isinstance(reading, Cloud) else reading.instance
+    return meaning.movers.moving(instance, reading.stamp_ns)
+
+
+def _rays(cloud: Cloud, meaning: Meaning) -> Counts:
     t = np.zeros(len(cloud.xyz), np.int64) if cloud.t_ns is None else cloud.t_ns
     return np.stack([_field(cloud, "ring"), _field(cloud, "column"), t], axis=1, dtype=np.int64)
 
 
 ITEMS: Final[dict[str, Item]] = {
-    "image": Item(Image, "photo", lambda image, ids: _channels_first(image.photo)),
-    "mask": Item(Image, "label", lambda image, ids: _ids(image.label, ids)),
-    "depth": Item(Image, "depth", lambda image, ids: image.depth.astype(np.float32)),
-    "instance_mask": Item(Image, "instance", lambda image, ids: image.instance.astype(np.int32)),
-    "normals": Item(Image, "normal", lambda image, ids: _channels_first(image.normal).astype(np.float32)),
-    "flow": Item(Image, "flow", lambda image, ids: _channels_first(image.flow).astype(np.float32)),
-    "cloud": Item(Cloud, "main", lambda cloud, ids: cloud.xyz.astype(np.float32)),
-    "labels": Item(Cloud, "main", lambda cloud, ids: _ids(cloud.label, ids)),
-    "instances": Item(Cloud, "main", lambda cloud, ids: _field(cloud, "instance").astype(np.int32)),
-    "reflectivity": Item(Cloud, "main", lambda cloud, ids: reflectivity(cloud)),
+    "image": Item(Image, "photo", lambda image, meaning: _channels_first(image.photo)),
+    "mask": Item(Image, "label", lambda image, meaning: _ids(image.label, meaning.ids)),
+    "depth": Item(Image, "depth", lambda image, meaning: image.depth.astype(np.float32)),
+    "instance_mask": Item(Image, "instance", lambda image, meaning: image.instance.astype(np.int32)),
+    "moving_mask": Item(Image, "instance", _moving),
+    "normals": Item(Image, "normal", lambda image, meaning: _channels_first(image.normal).astype(np.float32)),
+    "flow": Item(Image, "flow", lambda image, meaning: _channels_first(image.flow).astype(np.float32)),
+    "cloud": Item(Cloud, "main", lambda cloud, meaning: cloud.xyz.astype(np.float32)),
+    "labels": Item(Cloud, "main", lambda cloud, meaning: _ids(cloud.label, meaning.ids)),
+    "instances": Item(Cloud, "main", lambda cloud, meaning: _field(cloud, "instance").astype(np.int32)),
+    "moving": Item(Cloud, "main", _moving),
+    "reflectivity": Item(Cloud, "main", lambda cloud, meaning: reflectivity(cloud)),
     "rays": Item(Cloud, "main", _rays),
 }
 """Items that are readings of a sensor."""
@@ -201,7 +222,8 @@ class RunDataset:
         self._anchor = _anchor(anchor, needed)
         _check_tolerance(tolerance_s)
         self.run = open_run(Path(path))
-        self.classes, self._ids = _ontology(label_map, self.run.classes)
+        self.classes, ids = _ontology(label_map, self.run.classes)
+        self._meaning = Meaning(ids, self._movers())
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
         chosen = {Image: self._chosen(Image, camera), Cloud: self._chosen(Cloud, lidar)}
@@ -257,12 +279,19 @@ class RunDataset:
             sample[f"{ROLES[kind].key}_stamp_ns"] = int(self._stamps(kind)[i])
             if items := self._items(kind):
                 reading = readings.read(int(self._rows[kind][i]))
-                sample |= {item: ITEMS[item].value(reading, self._ids) for item in items}
+                sample |= {item: ITEMS[item].value(reading, self._meaning) for item in items}
         if self._poses is not None:
             sample |= self._true_poses(i, self._poses)
         if "calibration" in self.items:
             sample |= copy.deepcopy(self._fixed)
         return cast(Sample, sample)
+
+    def _movers(self) -> Movers:
+        """What moves in the run, if items ask for it."""
+        asked = next((item for item in self.items if item.startswith("moving")), None)
+        if asked and self.run.experiment is None:
+            raise BagError(f"{asked}: {self.run.bag} has no experiment.yaml beside it, which says what moves")
+        return self.run.movers if asked else Movers()
 
     def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
         result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}

@@ -21,7 +21,7 @@ from fieldtruth.bag import reader
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.readings import cloud_of
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate
+from fieldtruth.datasets import GEOMETRY, ITEMS, Meaning, RunDataset, Sample, collate
 from fieldtruth.ontology import label_map_of
 
 ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in ("normals", "flow"))  # which the small run lacks
@@ -152,7 +152,7 @@ def cloud(**columns: Any) -> SimpleNamespace:
 
 
 def value(item: str, message: Any) -> NDArray[Any]:
-    return ITEMS[item].value(cloud_of(message, labelled=item == "labels"), np.arange(20))
+    return ITEMS[item].value(cloud_of(message, labelled=item == "labels"), Meaning(np.arange(20)))
 
 
 def test_a_cloud_of_the_papers_data_set_has_classes_as_intensity_and_nan_points_are_dropped() -> None:

@@ -261,6 +261,10 @@ class Storage:
         Raises:
             BagError: the bag is missing, has changed since it was opened, or is damaged.
         """
+        return decoder_of(types_of(self._definitions), self.path)(self.raw(topic, chunk, offset))
+
+    def raw(self, topic: str, chunk: int, offset: int) -> RawMessage:
+        """Return a message as ROS 1 serialises it; raises as ``message``."""
         unpacked = _RECENT.get((self.path, self._version, chunk), lambda: self._unpack(chunk))
         with read_errors(self.path):
             stamp, number, data = message_at(self._layout, unpacked, offset)
@@ -268,7 +272,7 @@ class Storage:
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
             raise BagError(f"cannot read {self.path}: its index has {topic} at the position of a message of {found}")
-        return decoder_of(types_of(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
+        return RawMessage(stamp, topic, msgtype, data)
 
     def _unpack(self, chunk: int) -> bytes:
         if _version(self.path) != self._version:

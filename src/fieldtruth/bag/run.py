@@ -24,8 +24,10 @@ from fieldtruth.bag.geometry import (
     Trajectory,
     first_message,
     pose_topic,
+    read_objects,
     read_poses,
 )
+from fieldtruth.bag.movers import Movers, movers_of
 from fieldtruth.bag.reader import Storage, decoder, open_bag
 from fieldtruth.bag.readings import Readings, warn_of_intensity
 from fieldtruth.bag.stamps import Stream, read_streams
@@ -207,6 +209,19 @@ class Run(BagFile):
         """True poses by stamp, each read when it is asked for; raises as ``trajectory``."""
         topic = pose_topic(self)
         return Poses(self.storage, self.streams([topic])[topic])
+
+    @cached_property
+    def movers(self) -> Movers:
+        """What moves beside the robot of the run, as far as an experiment beside the bag says it.
+
+        Raises:
+            BagError: the bag lacks what moves, or is damaged.
+        """
+        if self.experiment is None or not self.experiment.robots:
+            return Movers()
+        self.require(table.MODEL_STATES)
+        found = movers_of(self.experiment, read_objects(self)[0])
+        return Movers(found, self.storage, self.streams([table.MODEL_STATES])[table.MODEL_STATES])
 
     @property
     def has_poses(self) -> bool:
