@@ -116,7 +116,7 @@ class Meaning(NamedTuple):
 
     ids: Counts
     """Output ids by class."""
-    movers: Movers = Movers()  # noqa: RUF009
+    movers: Movers = Movers()
     """What moves."""
 
 
@@ -146,7 +146,7 @@ def _field(cloud: Cloud, field: str) -> NDArray[Any]:
 
 
 def _moving(reading: Cloud | Image, meaning: Meaning) -> NDArray[np.bool_]:
-    instance = _field(reading, "instance") if isinstance(reading, Cloud) else reading.instance
+    instance: Any = _field(reading, "instance") if isinstance(reading, Cloud) else reading.instance
     return meaning.movers.moving(instance, reading.stamp_ns)
 
 

@@ -238,7 +238,8 @@ def test_without_odometry_the_poses_are_those_of_the_model_states(small_run: Pat
 def test_stamps_are_those_of_the_headers_where_the_bag_has_others(small_run: Path, tmp_path: Path) -> None:
     delays = np.random.default_rng(0).integers(10**6, 3 * 10**8, 10**5).tolist()
     bag = rewrite(small_run, tmp_path / "park_1.bag", delay=lambda k: delays[k])
-    frames, expected = RunDataset(bag, ALL), RunDataset(small_run, ALL)
+    items = [item for item in ALL if not item.startswith("moving")]  # which needs the experiment
+    frames, expected = RunDataset(bag, items), RunDataset(small_run, items)
     assert len(frames) == len(expected) == 6
     for k in range(6):
         equal(frames[k], expected[k])

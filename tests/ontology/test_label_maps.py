@@ -13,7 +13,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.ontology import LABEL_MAPS, label_map_of
 
 DOCUMENT = (Path(__file__).parents[2] / "docs/labels.md").read_text(encoding="utf-8")
-NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6", "ycor", "offroad")
+NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6", "ycor", "offroad", "semantickitti")
 
 # RUGD_annotation-colormap.txt
 RUGD = """\
@@ -63,6 +63,20 @@ RELLIS_COLOURS = {1: (108, 64, 20), 27: (41, 121, 255), 31: (134, 255, 239), 33:
 GANAV_GROUPS = [2, 2, 2, 5, 5, 4, 0, 5, 5, 1, 2, 5, 2, 3, 5, 5, 5, 5, 5, 0, 3, 5, 1, 5]
 GANAV_PALETTE = [(0, 0, 0), (0, 128, 0), (255, 255, 0), (255, 128, 0), (255, 0, 0), (0, 0, 128)]
 
+# semantic-kitti-all.yaml: ids, names, and color_map in blue, green, red, of the classes that ours are mapped to
+SEMANTIC_KITTI = """\
+0 unlabeled 0 0 0
+1 outlier 0 0 255
+20 other-vehicle 255 0 0
+49 other-ground 75 0 175
+50 building 0 200 255
+51 fence 50 120 255
+70 vegetation 0 175 0
+71 trunk 0 60 135
+72 terrain 80 240 150
+80 pole 150 240 255
+99 other-object 255 255 50"""
+
 # The palette of YCOR's labels.png, with the names of its paper
 YCOR = """\
 0 background 255 255 255
@@ -95,14 +109,16 @@ def test_every_class_is_mapped_and_only_void_to_void(name: str) -> None:
     assert set(labels.ids.tolist()) <= set(labels.classes)
     assert labels.ids[Label.VOID] == 0
     also_void = {label for label in Label if labels.ids[label] == 0} - {Label.VOID}
-    own = set() if name == "goose" else {Label.ROBOT, Label.PARTICLE}
-    assert also_void == own | ({Label.SKY} if name == "ganav6" else set())
+    own = set() if name in ("goose", "semantickitti") else {Label.ROBOT, Label.PARTICLE}
+    unseen = {"ganav6": {Label.SKY}, "semantickitti": {Label.SKY, Label.WATER}}
+    assert also_void == own | unseen.get(name, set())
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_colours_and_names_are_unique(name: str) -> None:
     labels = label_map_of(name)
-    assert len({other.rgb for other in labels.classes.values()}) == len(labels.classes)
+    twice = 2 if name == "semantickitti" else 0  # on-rails and other-vehicle, outlier and traffic-sign
+    assert len({other.rgb for other in labels.classes.values()}) == len(labels.classes) - twice
     assert len({other.name for other in labels.classes.values()}) == len(labels.classes)
     colours = labels.colours()
     for number, other in labels.classes.items():
@@ -116,6 +132,14 @@ def test_rugd_matches_its_colour_map() -> None:
     assert set(labels.ids.tolist()) == set(rows)
     assert all(labels.classes[number] == row for number, row in rows.items())
     assert sorted(labels.classes) == list(range(25))
+
+
+def test_semantickitti_matches_its_configuration() -> None:
+    labels = label_map_of("semantickitti")
+    rows = {int(row[0]): (row[1], tuple(map(int, row[:1:-1]))) for row in map(str.split, SEMANTIC_KITTI.splitlines())}
+    assert set(labels.ids.tolist()) == set(rows)
+    assert all(labels.classes[number] == row for number, row in rows.items())
+    assert len(labels.classes) == 26
 
 
 def test_rellis_matches_its_configuration_and_shares_ids_and_colours_with_rugd() -> None:

@@ -6,23 +6,26 @@ The silhouette of an object is the set of pixels whose rays, through their centr
 """
 
 import threading
-from collections.abc import Collection
-from typing import Final, NamedTuple
+from collections.abc import Collection, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fieldtruth.bag.bodies import with_bodies
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
-from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.lens import intrinsics_of, ray_table
+from fieldtruth.sense.moving import MovingBody
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.build import world_of
-from fieldtruth.world.model import Instance, World
+from fieldtruth.world.model import Mesh, World
 
 NEAR: Final = 0.05
 """Distance [m] along the optical axis from which on an object counts for its box in the image: a camera may stand
@@ -30,6 +33,8 @@ among its branches."""
 
 Labels = frozenset[int] | None
 """Classes of a part of an object; None for the whole."""
+Part = tuple[Mesh, Array]
+"""A rigid part of an object, and its world_from_mesh (4, 4)."""
 
 
 class Silhouette(NamedTuple):
@@ -52,26 +57,42 @@ def world_of_run(run: Run) -> World:
     return world_of(run.experiment)
 
 
-class WholeObjects:
-    """The objects of a world in the images of a camera. Threads may share it."""
+def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody]]:
+    """Return the world of a run, and the bodies that move in it; raises as ``world_of_run``."""
+    world = world_of_run(run)
+    return (world, []) if run.experiment is None else with_bodies(world, run, run.experiment)
 
-    def __init__(self, world: World, config: ImagingConfig) -> None:
-        self.world, self.objects = world, named_objects(world)
+
+class WholeObjects:
+    """The objects of a world, and bodies that move, in the images of a camera. Threads may share it."""
+
+    def __init__(self, world: World, config: ImagingConfig, bodies: Sequence[MovingBody] = ()) -> None:
+        self.world, self.objects, self._bodies = world, named_objects(world), bodies
         self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
         self._hulls: dict[tuple[str, Labels], Array] = {}
         self._own = threading.local()
 
-    def silhouette(self, object_id: int, world_from_optical: Array, labels: Labels = None) -> Silhouette:
-        """Pixels of an object, or of its faces of some classes, alone in the image from a pose (4, 4)."""
-        instance = self.objects[object_id]
+    def parts(self, object_id: int, stamp_ns: int = 0) -> list[Part]:
+        """Return the meshes of an object, each with its world_from_mesh (4, 4) at a stamp [ns]."""
+        if object_id in self.objects:
+            instance = self.objects[object_id]
+            return [(self.world.meshes[instance.mesh], instance.world_from_object)]
+        return [(each.mesh, each.at([stamp_ns])[0]) for each in self._bodies if each.object_id == object_id]
+
+    def silhouette(
+        self, object_id: int, world_from_optical: Array, labels: Labels = None, stamp_ns: int = 0
+    ) -> Silhouette:
+        """Pixels of an object, or of its faces of some classes, alone in the image from a pose (4, 4) at a stamp."""
+        parts = self.parts(object_id, stamp_ns)
         alone = RayScene(self._engine)
-        alone.add_instance(self._mesh(instance, labels), instance.world_from_object)
+        for mesh, world_from_mesh in parts:
+            alone.add_instance(self._mesh(mesh, labels), world_from_mesh)
         alone.commit()
-        left, top, right, bottom = self._region(instance, world_from_optical, labels)
+        left, top, right, bottom = self._region(parts, world_from_optical, labels)
         u, v = (each.ravel() for each in np.meshgrid(np.arange(left, right), np.arange(top, bottom)))
         view = View(np.ascontiguousarray(world_from_optical, np.float64), self._lens, self.config.far, self._table)
-        tops: IntArray = np.zeros(1, np.int32)
+        tops: IntArray = np.zeros(len(parts), np.int32)
         packet, batch = self._buffers()
         seen = np.zeros(len(u), np.bool_)
         for first in range(0, len(u), BLOCK):
@@ -85,19 +106,22 @@ class WholeObjects:
         corner = int(x.min()), int(y.min())
         return Silhouette(int(seen.sum()), [*corner, int(x.max()) + 1 - corner[0], int(y.max()) + 1 - corner[1]])
 
-    def bounds(self, object_id: int, world_from_optical: Array, labels: Labels = None) -> Array | None:
+    def bounds(
+        self, object_id: int, world_from_optical: Array, labels: Labels = None, stamp_ns: int = 0
+    ) -> Array | None:
         """Box (4,) [pixel] of a whole object, or of its faces of some classes, on the plane of a pinhole's image.
 
         It is left, top, right, bottom, also beyond the image, with the centre of the first pixel at 0; None for an
         object that is nowhere ``NEAR`` in front of the camera.
         """
-        instance = self.objects[object_id]
-        optical_from_object = transforms.inverse(world_from_optical) @ instance.world_from_object
-        points = transforms.transform(optical_from_object, self._hull(instance, labels))
-        if points[:, 2].min() < NEAR:
-            mesh = self.world.meshes[instance.mesh]
-            faces = mesh.faces[faces_of(self.world, mesh, labels)]
-            points = _in_front(transforms.transform(optical_from_object, mesh.vertices), faces)
+        seen, optical_from_world = [], transforms.inverse(world_from_optical)
+        for mesh, world_from_mesh in self.parts(object_id, stamp_ns):
+            points = transforms.transform(optical_from_world @ world_from_mesh, self._hull(mesh, labels))
+            if points[:, 2].min(initial=np.inf) < NEAR:
+                faces = mesh.faces[faces_of(self.world, mesh, labels)]
+                points = _in_front(transforms.transform(optical_from_world @ world_from_mesh, mesh.vertices), faces)
+            seen.append(points)
+        points = np.concatenate(seen)
         if not len(points):
             return None
         lens = self._lens
@@ -111,28 +135,28 @@ class WholeObjects:
             own |= {"packet": new_packet(coherent=True), "batch": new_batch(BLOCK)}
         return own["packet"], own["batch"]
 
-    def _mesh(self, instance: Instance, labels: Labels) -> RayScene:
-        key = instance.mesh, labels
+    def _mesh(self, mesh: Mesh, labels: Labels) -> RayScene:
+        key = mesh.name, labels
         if key not in self._meshes:
-            mesh, scene = self.world.meshes[instance.mesh], RayScene(self._engine)
-            faces = mesh.faces.astype(np.uint32)
+            scene, faces = RayScene(self._engine), mesh.faces.astype(np.uint32)
             faces[~faces_of(self.world, mesh, labels)] = MISS
             scene.add_mesh(mesh.vertices, faces)
             self._meshes[key] = scene.commit()
         return self._meshes[key]
 
-    def _hull(self, instance: Instance, labels: Labels) -> Array:
-        key = instance.mesh, labels
+    def _hull(self, mesh: Mesh, labels: Labels) -> Array:
+        key = mesh.name, labels
         if key not in self._hulls:
-            mesh = self.world.meshes[instance.mesh]
             self._hulls[key] = outermost(mesh, None if labels is None else faces_of(self.world, mesh, labels))
         return self._hulls[key]
 
-    def _region(self, instance: Instance, world_from_optical: Array, labels: Labels) -> tuple[int, int, int, int]:
+    def _region(self, parts: Sequence[Part], world_from_optical: Array, labels: Labels) -> tuple[int, int, int, int]:
         """Columns and rows, from and to, outside which the object has no pixels."""
         width, height = self.config.width, self.config.height
-        hull = self._hull(instance, labels)
-        points = transforms.transform(transforms.inverse(world_from_optical) @ instance.world_from_object, hull)
+        hulls = [transforms.transform(world_from_mesh, self._hull(mesh, labels)) for mesh, world_from_mesh in parts]
+        points = transforms.transform(transforms.inverse(world_from_optical), np.concatenate(hulls))
+        if not len(points):
+            return 0, 0, 0, 0
         if not len(self._table):
             if points[:, 2].min() < NEAR:
                 return 0, 0, width, height
@@ -179,7 +203,9 @@ def area(bounds: Array) -> float:
     return float((bounds[2] - bounds[0]) * (bounds[3] - bounds[1]))
 
 
-def visible_pixels(instance: Counts, ids: Collection[int]) -> dict[int, int]:
-    """Number of pixels in an image (h, w) of instance ids, of each of ``ids`` that has any."""
+def visible_pixels(instance: NDArray[Any] | None, ids: Collection[int]) -> dict[int, int]:
+    """Number of pixels in an image (h, w), or points, of instance ids, of each of ``ids`` that has any."""
+    if instance is None:
+        return {}
     numbers, counts = np.unique(instance, return_counts=True)
     return {int(n): int(c) for n, c in zip(numbers, counts, strict=True) if int(n) in ids}

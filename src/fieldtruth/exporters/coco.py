@@ -12,7 +12,7 @@ pebbles. Both JSON files are written row by row: the annotations of a long drive
 import json
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ import fieldtruth
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import read_objects
+from fieldtruth.bag.movers import Movers
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core import transforms
@@ -38,7 +39,7 @@ from fieldtruth.core.readings import Image
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.amodal import WholeObjects, world_of_run
+from fieldtruth.exporters.amodal import WholeObjects, moving_world_of_run
 from fieldtruth.exporters.frames import Frames
 from fieldtruth.ontology import LabelMap, own_labels
 from fieldtruth.world.boxes import named_objects, object_box
@@ -69,12 +70,13 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (run,) = runs
     views = _views_of(run)
     run.require(table.MODEL_STATES, table.TF_STATIC, *(view.info for view in views))
-    categories = categories_of(options.labels)
+    movers = run.movers
+    categories = categories_of(options.labels, {mover.label for mover in movers})
     for view in views:
         (target / "images" / view.label).mkdir(parents=True)
         (target / "panoptic" / view.label).mkdir(parents=True)
     names, _ = read_objects(run)
-    numbering = Numbering(categories, options.labels, names)
+    numbering = Numbering(categories, options.labels, names, movers.by_id)
     boxes = CocoBoxes(run, options.labels, names) if options.boxes else None
     run.streams([view.topics[part] for view in views for part in _PARTS])
     frames = [(view.label, Frames(run, own_labels(options.classes), [view], extras=("instance",))) for view in views]
@@ -82,7 +84,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     jobs = sorted(
         (stamp, k, i) for k, (_, each) in enumerate(frames) for i, stamp in enumerate(each.stamps_ns.tolist())
     )
-    work = partial(_write_frame, target, frames, numbering, boxes)
+    work = partial(_write_frame, target, frames, numbering, boxes, movers)
     with CocoFiles(run, target, options.labels, categories, names, about) as files:
         for picture in options.each("images", run, jobs, work):
             files.add(picture)
@@ -110,6 +112,7 @@ def _write_frame(
     frames: Sequence[tuple[str, Frames]],
     numbering: "Numbering",
     boxes: "CocoBoxes | None",
+    movers: Movers,
     job: tuple[int, int, int],
 ) -> "Picture":
     """Write the image files of a frame, of a stamp, a view and a row; on any thread."""
@@ -136,8 +139,9 @@ def _write_frame(
         "world_from_camera": about["world_from_camera"],
     }
     segments = segments_of(ids)
-    found = {} if boxes is None else boxes.of(label, segments, np.array(about["world_from_camera"]))
-    return Picture(row, f"{name}.png", segments, found)
+    found = {} if boxes is None else boxes.of(label, segments, np.array(about["world_from_camera"]), stamp)
+    moving = [number for number, state in movers.at(stamp).items() if movers.by_id[number].is_moving(state)]
+    return Picture(row, f"{name}.png", segments, found, moving)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -170,15 +174,18 @@ class Segment(NamedTuple):
     """Run lengths down the columns, in COCO's compressed encoding."""
 
 
-def categories_of(labels: LabelMap) -> list[Category]:
-    """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped."""
+def categories_of(labels: LabelMap, movers: Collection[int] = ()) -> list[Category]:
+    """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped.
+
+    Classes of movers are countable.
+    """
     ids = labels.ids
     result: list[Category] = []
     for number in sorted(labels.classes.keys() & {*ids.tolist()} - {int(ids[Label.VOID])}):
         ours = np.flatnonzero(ids == number).tolist()
         name, rgb = labels.classes[number]
         above = {_SUPERCATEGORIES.get(label, _OTHER) for label in ours}
-        countable = STUFF.isdisjoint(ours)
+        countable = (STUFF - {*movers}).isdisjoint(ours)
         result.append(Category(number, name, above.pop() if len(above) == 1 else name, countable, rgb))
     return result
 
@@ -198,7 +205,9 @@ class Numbering:
         BagError: 24 bits do not hold categories and objects.
     """
 
-    def __init__(self, categories: Sequence[Category], labels: LabelMap, names: Sequence[str]) -> None:
+    def __init__(
+        self, categories: Sequence[Category], labels: LabelMap, names: Sequence[str], movers: Collection[int] = ()
+    ) -> None:
         ids = labels.ids.astype(np.int64)
         known = {category.id: category for category in categories}
         countable = [int(number) in known and known[int(number)].isthing for number in ids]
@@ -209,7 +218,7 @@ class Numbering:
             )
         self._base = np.array([int(number) << bits if int(number) in known else 0 for number in ids], np.uint32)
         self._mask = np.where(countable, (1 << bits) - 1, 0).astype(np.uint32)
-        single = [number if _SINGLE.search(name) else 0 for number, name in enumerate(names)]
+        single = [number if number in movers or _SINGLE.search(name) else 0 for number, name in enumerate(names)]
         self._single = np.array(single, np.uint32)
 
     def number(self, label: NDArray[np.uint8], instance: NDArray[np.uint16] | NDArray[np.uint32]) -> NDArray[np.uint32]:
@@ -267,9 +276,9 @@ class CocoBoxes:
     """
 
     def __init__(self, run: Run, labels: LabelMap, names: Sequence[str]) -> None:
-        self._world, self._bits = world_of_run(run), object_bits(names)
+        (self._world, bodies), self._bits, self._movers = moving_world_of_run(run), object_bits(names), run.movers
         views = run.of(Image, "photo", "instance")
-        self._whole = {view.label: WholeObjects(self._world, view.config) for view in views}
+        self._whole = {view.label: WholeObjects(self._world, view.config, bodies) for view in views}
         self._ids = labels.ids
         self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
 
@@ -277,26 +286,34 @@ class CocoBoxes:
         """Boxes in the world frame by instance id."""
         return {number: {"box_3d": box.as_json()} for number, box in self._boxes.items()}
 
-    def of(self, view: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
-        """Keys by id of the segment, for an image of a view from a pose (4, 4)."""
+    def of(
+        self, view: str, segments: Sequence[Segment], world_from_optical: Array, stamp_ns: int
+    ) -> dict[int, dict[str, Any]]:
+        """Keys by id of the segment, for an image of a view from a pose (4, 4) at a stamp [ns]."""
         whole, found, optical_from_world = self._whole[view], {}, transforms.inverse(world_from_optical)
+        boxes, states = dict(self._boxes), self._movers.at(stamp_ns)
+        velocities = {number: self._movers.by_id[number].velocity(state) for number, state in states.items()}
+        boxes |= {number: self._movers.by_id[number].box(state) for number, state in states.items()}
         for segment in segments:
             category, number = divmod(segment.id, 1 << self._bits)
-            if number not in self._boxes:
+            if number not in boxes:
                 continue
             labels = frozenset(int(label) for label in np.flatnonzero(self._ids == category))
-            alone = whole.silhouette(number, world_from_optical, labels)
+            alone = whole.silhouette(number, world_from_optical, labels, stamp_ns)
             keys: dict[str, Any] = {
                 "amodal_bbox": alone.bbox,
                 "amodal_area": alone.pixels,
                 "visibility": round(segment.area / max(alone.pixels, segment.area), 6),
             }
             if whole.config.lens.model == "pinhole":
-                bounds = whole.bounds(number, world_from_optical, labels)
+                bounds = whole.bounds(number, world_from_optical, labels, stamp_ns)
                 if bounds is not None:  # from pixel centres to COCO's pixel borders
                     left, top, right, bottom = (bounds + 0.5).tolist()
                     keys["amodal_bbox_full"] = [left, top, right - left, bottom - top]
-            found[segment.id] = keys | {"box_3d": self._boxes[number].in_frame(optical_from_world).as_json()}
+            box = boxes[number].in_frame(optical_from_world).as_json()
+            if number in velocities:
+                box["velocity"] = (optical_from_world[:3, :3] @ velocities[number]).tolist()
+            found[segment.id] = keys | {"box_3d": box}
         return found
 
 
@@ -314,6 +331,8 @@ class Picture(NamedTuple):
     segments: list[Segment]
     boxes: Mapping[int, dict[str, Any]] = MappingProxyType({})
     """Further keys of the annotations, by id of the segment."""
+    moving: Collection[int] = ()
+    """Instance ids of the objects that move at its stamp."""
 
 
 class CocoFiles(ExitStack):
@@ -368,7 +387,10 @@ class CocoFiles(ExitStack):
                 "bbox": segment.bbox,
                 "iscrowd": int(countable and not object_id),
                 "object_id": object_id,
-            } | picture.boxes.get(segment.id, {})
+            }
+            if countable and object_id:
+                known |= {"track_id": object_id, "attributes": {"moving": object_id in picture.moving}}
+            known |= picture.boxes.get(segment.id, {})
             segments.append({"id": segment.id} | known)
             if countable:
                 row = {"id": self._counts["instances"] + 1, "image_id": image_id} | known

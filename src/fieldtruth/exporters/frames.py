@@ -67,7 +67,7 @@ def find_members(paths: Sequence[Path], split: str) -> list[Member]:
     splits = [_split_of(bag, split) for bag in bags]
     runs = [open_run(bag) for bag in bags]
     _check_worlds(runs, splits)
-    return [Member(*row) for row in zip(runs, splits, _names(runs), strict=True)]
+    return [Member(*row) for row in zip(runs, splits, unique_names(runs), strict=True)]
 
 
 def _bags(path: Path) -> list[Path]:
@@ -97,8 +97,8 @@ def _check_worlds(runs: Sequence[Run], splits: Sequence[str]) -> None:
                 )
 
 
-def _names(runs: Sequence[Run]) -> list[str]:
-    """Return the runs' names, made unique by a number."""
+def unique_names(runs: Sequence[Run]) -> list[str]:
+    """Return the runs' names in letters, digits, _ and -, made unique by a number."""
     names: list[str] = []
     for run in runs:
         base = _UNSAFE.sub("_", run.name)[:64]

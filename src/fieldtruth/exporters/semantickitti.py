@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import read_objects
+from fieldtruth.bag.movers import Movers
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array, Counts
@@ -30,11 +31,18 @@ from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import Chosen, chosen_of_many, first_of_clouds, first_views, noun_of
 from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_lens, read_geometry, write_cloud, write_motion
-from fieldtruth.ontology import LabelMap
+from fieldtruth.ontology import LabelMap, OntologyClass
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""
 _TEXTS: Final = package_data("fieldtruth.exporters", "semantickitti.yaml")
+_KINDS: Final[dict[str, int]] = _TEXTS["kinds"]
+_MOVING: Final[dict[int, int]] = _TEXTS["moving"]
+_MOVING_OTHER: Final = 251
+_NAME: Final = "semantickitti"
+"""Label map whose classes are those of SemanticKITTI."""
+_IDS: Final = 260
+"""Class ids, those of what moves included."""
 
 
 class _Written(NamedTuple):
@@ -43,7 +51,7 @@ class _Written(NamedTuple):
     stamps_ns: list[int]
     """Stamps of the clouds, by number."""
     points: Counts
-    """Number of points by class id (256,)."""
+    """Number of points by class id (260,)."""
     images: int
     world_from_cam0: Array
     """(4, 4) at the first cloud, to which poses.txt is relative."""
@@ -88,24 +96,36 @@ def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options
 
 
 def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], Counts]:
-    """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
-    ids = options.labels.ids
+    """Write all clouds with their labels; return their stamps [ns] and the points by class id (260,)."""
+    labels, movers = options.labels, run.movers if options.labels.name == _NAME else Movers()
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     clouds = run[first_of_clouds(run).name]
-    counts: Counts = np.zeros(256, np.int64)
+    counts: Counts = np.zeros(_IDS, np.int64)
 
     def save(number: int) -> Counts:
         cloud: Cloud = clouds.read(number)
-        mapped = ids[cloud.label].astype("<u4")
+        mapped = _with_moving(labels.ids[cloud.label].astype("<u4"), cloud, movers)
         write_cloud(folder / CLOUDS / f"{number:06d}.bin", cloud)
         word = mapped | _instances(cloud, run) << np.uint32(16)
         word.astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
-        return np.bincount(mapped, minlength=256)
+        return np.bincount(mapped, minlength=_IDS)
 
     for count in options.each(f"{run.name}: clouds", run, range(len(clouds)), save):
         counts += count
     return clouds.stamps_ns.tolist(), counts
+
+
+def _with_moving(classes: NDArray[np.uint32], cloud: Cloud, movers: Movers) -> NDArray[np.uint32]:
+    """Return classes (n,) of SemanticKITTI with those of objects that can move, by their kinds and their motion."""
+    if cloud.instance is None:
+        return classes
+    for object_id, state in movers.at(cloud.stamp_ns).items():
+        mover, own = movers.by_id[object_id], cloud.instance == object_id
+        classes[own] = _KINDS.get(mover.kind, classes[own])
+        if mover.is_moving(state):
+            classes[own] = [_MOVING.get(number, _MOVING_OTHER) for number in classes[own].tolist()]
+    return classes
 
 
 def _instances(cloud: Cloud, run: Run) -> NDArray[np.uint32]:
@@ -155,14 +175,15 @@ def _description(
     runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap, own: ClassTable
 ) -> dict[str, Any]:
     """Content of fieldtruth.yaml, in the structure of semantic-kitti-api's configuration files."""
-    classes = dict(sorted(label_map.classes.items()))
     ids = label_map.ids.tolist()
     split = _split(len(runs))
-    counts = sum((written[number].points for number in split["train"]), np.zeros(256, np.int64))
+    counts = sum((written[number].points for number in split["train"]), np.zeros(_IDS, np.int64))
     total = max(int(counts.sum()), 1)
-    occurring = sum((done.points for done in written), np.zeros(256, np.int64))
+    occurring = sum((done.points for done in written), np.zeros(_IDS, np.int64))
+    classes = dict(sorted((label_map.classes | _moving_classes(label_map)).items()))
     seen = {ids[label] for label in {row.label for row in own.coloured} - NO_RETURN - NOT_OF_WORLDS}
     seen |= {ids[label] for label in NOT_OF_WORLDS if occurring[ids[label]]} - {ids[Label.VOID]}
+    seen |= {number for number in _moving_classes(label_map) if occurring[number]}
     return {
         "name": "fieldtruth" if label_map.is_own else f"fieldtruth, labels of {label_map.name}",
         "labels": {number: other.name for number, other in classes.items()},
@@ -186,6 +207,15 @@ def _description(
             for number, (run, done) in enumerate(zip(runs, written, strict=True))
         },
     }
+
+
+def _moving_classes(label_map: LabelMap) -> dict[int, OntologyClass]:
+    """Classes of what moves, if the labels are those of SemanticKITTI; each has the colour of what stands."""
+    if label_map.name != _NAME:
+        return {}
+    still = {moving: label_map.classes[number] for number, moving in _MOVING.items()}
+    found = {moving: OntologyClass(f"moving-{other.name}", other.rgb) for moving, other in still.items()}
+    return {_MOVING_OTHER: OntologyClass("moving", (255, 0, 0))} | found
 
 
 def _named(chosen: Chosen | None) -> dict[str, Any]:

@@ -13,22 +13,18 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.bodies import with_bodies
 from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.messages import ModelStatesWriter
-from fieldtruth.bag.reader import RawMessage, open_bag
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import GROUND_ID, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
-from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.core.yaml_io import parse_mapping
-from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
-from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
@@ -82,33 +78,12 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
         return None, f"made by fieldtruth {version}, and {fieldtruth.__version__} may build another world"
     try:
         with progress.stage("build the world"):
-            world, moving = world_of(experiment), list[MovingBody]()
-            if experiment.robots:
-                world = with_robots(world, experiment.robots)
-                moving = other_robots(run, experiment, world)
+            world, moving = with_bodies(world_of(experiment), run, experiment)
             scene = Scene(world, moving)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
     seed = experiment.noise_seed
     return SensorWorld(world, run.rig, experiment.light, experiment.weather, scene=scene, seed=seed, moving=moving), ""
-
-
-def other_robots(run: Run, experiment: Experiment, world: World) -> list[MovingBody]:
-    """Return the robots beside that of a run, where the bag has them at each knot of the motion.
-
-    Raises:
-        BagError: the bag is damaged, or lacks them.
-    """
-    run.require(table.MODEL_STATES)
-    rigs = {name: experiment.of_robot(name).rig for name in experiment.robots if name != experiment.namespace}
-    states, poses = ModelStatesReader(), {name: KnotPoses() for name in rigs}
-    with open_bag(run.bag) as bag:
-        for raw in bag.messages([table.MODEL_STATES]):
-            for name, known in poses.items():
-                if raw.stamp_ns >= len(known) * KNOT_NS:  # the first message is for the knot at time 0, too
-                    pose = states.poses(raw.data)[states.row(raw.data, name)]
-                    known.add(transforms.pose_from_quaternion_wxyz(pose[:3], wxyz_from_xyzw(pose[3:]))[None])
-    return [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
 
 
 class WorldObjects(Checker):
