@@ -45,8 +45,8 @@ def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "world_of", lambda _: make_world())
 
 
-def by_name(run: Path) -> dict[str, Check]:
-    return {check.name: check for check in validate(run, workers=2)}
+def by_name(run: Path, *, quick: bool = False) -> dict[str, Check]:
+    return {check.name: check for check in validate(run, workers=2, quick=quick)}
 
 
 def test_intact_runs_pass(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -57,14 +57,14 @@ def test_intact_runs_pass(runs: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert text.count("pass     independent rays") == 2
 
 
-def moved(change: Callable[[np.ndarray[Any, Any]], None]) -> Callable[[RawMessage, int], RawMessage]:
-    """Change the pose (7,) of the leader in the model states of another robot."""
+def moved(change: Callable[[np.ndarray[Any, Any]], None], of: str = "poses") -> Callable[[RawMessage, int], RawMessage]:
+    """Change the pose (7,), or twist (6,), of the leader in the model states of another robot."""
     states = ModelStatesReader()
 
     def changed(raw: RawMessage, _: int) -> RawMessage:
         if raw.topic != table.MODEL_STATES:
             return raw
-        rows, data = states.poses(raw.data), bytearray(raw.data)
+        rows, data = getattr(states, of)(raw.data), bytearray(raw.data)
         pose = rows[row := states.names.index("leader")].copy()
         at = raw.data.index(rows[row].tobytes())
         change(pose)
@@ -95,3 +95,47 @@ def test_the_own_robot_has_one_pose(runs: Path, tmp_path: Path) -> None:
     checks = by_name(rewritten(runs / "leader", tmp_path, moved(lifted)))
     assert checks["static objects"].passed is False
     assert "'leader'" in checks["static objects"].text
+
+
+def test_velocities_and_points_of_what_moves_are_checked_without_the_world(runs: Path, tmp_path: Path) -> None:
+    def reversed_(twist: np.ndarray[Any, Any]) -> None:
+        twist[:3] = -twist[:3]
+
+    def turning(twist: np.ndarray[Any, Any]) -> None:
+        twist[5] += 0.1
+
+    def shifted(pose: np.ndarray[Any, Any]) -> None:
+        pose[1] += 0.1
+
+    intact = by_name(runs / "follower", quick=True)["moving objects"]
+    assert intact.passed is True
+    assert "m outside (tolerance 0.03)" in intact.text
+    for number, (change, of, text) in enumerate((
+        (reversed_, "twists", "what moves beside the robot has the velocity of its poses: "),
+        (turning, "twists", "what moves beside the robot has the turn rate of its poses: "),
+        (shifted, "poses", "points on what moves are in its box at the time of their rays: "),
+    )):  # fmt: skip
+        found = by_name(rewritten(runs / "follower", tmp_path / str(number), moved(change, of)), quick=True)
+        assert [name for name, check in found.items() if check.passed is False] == ["moving objects"]
+        assert found["moving objects"].text.startswith(text)
+        assert "'leader'" in found["moving objects"].text
+    frozen = by_name(rewritten(runs / "follower", tmp_path / "late", delayed(100)), quick=True)
+    assert "points on what moves are in its box" in frozen["moving objects"].text  # poses of another time
+
+
+def delayed(steps: int) -> Callable[[RawMessage, int], RawMessage]:
+    """Give the leader the pose and twist of some steps before."""
+    states, before = ModelStatesReader(), list[tuple[bytes, bytes]]()
+
+    def changed(raw: RawMessage, _: int) -> RawMessage:
+        if raw.topic != table.MODEL_STATES:
+            return raw
+        row = states.row(raw.data, "leader")
+        now = states.poses(raw.data)[row].tobytes(), states.twists(raw.data)[row].tobytes()
+        before.append(now)
+        data = raw.data
+        for old, new in zip(now, before[max(0, len(before) - 1 - steps)], strict=True):
+            data = data.replace(old, new)
+        return raw._replace(data=data)
+
+    return changed

@@ -180,7 +180,7 @@ def _description(
     counts = sum((written[number].points for number in split["train"]), np.zeros(_IDS, np.int64))
     total = max(int(counts.sum()), 1)
     occurring = sum((done.points for done in written), np.zeros(_IDS, np.int64))
-    classes = dict(sorted((label_map.classes | _moving_classes(label_map)).items()))
+    classes = dict(sorted({**label_map.classes, **_moving_classes(label_map)}.items()))
     seen = {ids[label] for label in {row.label for row in own.coloured} - NO_RETURN - NOT_OF_WORLDS}
     seen |= {ids[label] for label in NOT_OF_WORLDS if occurring[ids[label]]} - {ids[Label.VOID]}
     seen |= {number for number in _moving_classes(label_map) if occurring[number]}

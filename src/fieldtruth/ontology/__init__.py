@@ -4,9 +4,10 @@
 
 A map is a file with ``classes``, name and rgb by id of the ontology, and ``ids`` by the name of our class. Those of the
 package are in ``label_maps``: RELLIS-3D, RUGD, the 64 classes of GOOSE, the 9 of its challenge, the 6 groups of GANav,
-YCOR, SemanticKITTI, and a few classes that the off-road ones share. A user's are in a folder ``label_maps`` of FIELDTRUTH_PATH, or named by an
-entry point of the group ``fieldtruth.label_maps``; building and fence, which came later, are void where they are
-missing. Sources, reasons and losses are documented in docs/labels.md; a test compares its tables with the files.
+YCOR, SemanticKITTI, and a few classes that the off-road ones share. A user's are in a folder ``label_maps`` of
+FIELDTRUTH_PATH, or named by an entry point of the group ``fieldtruth.label_maps``; building and fence, which came
+later, are void where they are missing. Sources, reasons and losses are documented in docs/labels.md; a test compares
+its tables with the files.
 """
 
 from collections.abc import Mapping

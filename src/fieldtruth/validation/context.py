@@ -6,13 +6,16 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import StaticFrames
 from fieldtruth.bag.messages import WORLD
+from fieldtruth.bag.movers import Movers
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
@@ -147,6 +150,19 @@ class Context:
     def robots(self) -> tuple[str, ...]:
         """Names of the robots of an experiment with several."""
         return () if self.experiment is None else tuple(self.experiment.robots)
+
+    @cached_property
+    def movers(self) -> Movers:
+        """What moves beside the robot; nothing if the bag lacks it, which other checks report."""
+        try:
+            return self.run.movers
+        except BagError:
+            return Movers()
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Names of all that may move, beside the robot in the first row."""
+        return tuple(dict.fromkeys([*self.robots, *(mover.name for mover in self.movers)]))
 
     @property
     def rig(self) -> Rig:

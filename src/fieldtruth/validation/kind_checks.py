@@ -25,6 +25,9 @@ class LabelledPoints(NamedTuple):
     """Returns the points (n,) of a message with a stamp [ns]: x, y, z [m] in its frame, label, instance."""
     not_comparable: str = ""
     """The reason why its points are not those seen from one pose; empty if they are."""
+    sweep_ns: int | None = 0
+    """Time [ns] from the stamp to the last ray, whose time is the field ``t``; None if points may lie elsewhere than on
+    their object."""
 
 
 class Pass(NamedTuple):

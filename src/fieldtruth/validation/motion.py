@@ -33,7 +33,7 @@ from fieldtruth.experiment.config import FRAME_RATE, Experiment, geodetic_route,
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at, is_attitude
 
-STILL: Final = Rule("only robots move, and names do not change")
+STILL: Final = Rule("only what can move does, and names do not change")
 UNIQUE: Final = Rule("names are unique")
 SAME_ROBOT: Final = Rule("of several robots, that of the run is where the first row has it")
 _NO_STATES: Final = f"no {table.MODEL_STATES} with a model {ROBOT!r}"
@@ -89,7 +89,7 @@ class ModelStates(Checker):
         row = names.index(ROBOT)
         others = np.concatenate([poses, twists], axis=1)
         state = others[row, [0, 1, 2, 6, 3, 4, 5, 7, 8, 9, 10, 11, 12]]
-        own = [names.index(name) for name in self._context.robots if name in names]
+        own = [names.index(name) for name in self._context.moving if name in names]
         if (namespace := self._namespace) in names:
             twin = others[names.index(namespace)]
             self._static[SAME_ROBOT].see(np.array_equal(twin, others[row]), f"{at(raw)}: {namespace!r}")

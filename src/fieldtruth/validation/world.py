@@ -106,7 +106,7 @@ class WorldObjects(Checker):
         other = next((f"{b!r} instead of {a!r}" for a, b in pairs if a != b), "all names agree")
         mismatch = f"{at(raw)}: {len(names)} objects instead of {len(expected.names)}, {other}"
         if self._tally[NAMES].see(expected.names == names, mismatch):
-            still = [row for row, name in enumerate(names) if row and name not in self._context.robots]
+            still = [row for row, name in enumerate(names) if row and name not in self._context.moving]
             residuals = np.abs(poses[still] - true[still]).max(axis=1)
             self._tally[OBJECT_POSES].measure_all(residuals, lambda k: f"{at(raw)}: {names[still[k]]!r}")
 
@@ -169,6 +169,8 @@ class ObjectClasses(Checker):
             allowed[ROBOT_ID, Label.PARTICLE] = self._context.has_weather
             for row in (row for row, name in enumerate(names) if name in self._context.robots):
                 allowed[row] = np.arange(N_CLASSES) == Label.ROBOT
+            for mover in self._context.movers:
+                allowed[mover.object_id] = np.arange(N_CLASSES) == mover.label
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)

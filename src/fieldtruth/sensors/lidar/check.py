@@ -437,7 +437,10 @@ def _labelled(rig: Rig) -> list[LabelledPoints]:
             return ideal_points(read.points(message), config, rays_at(config, stamp_ns))
 
         spins = "the LiDAR spins while the robot moves; its points are checked by retracing"
-        return LabelledPoints(config.name, config.topic, decode, spins if config.spinning else "")
+        # Of a wide beam, any part may have made the echo, and the true range is that of the middle.
+        narrow = config.signal is None or config.signal.sub_rays == 1
+        sweep = int(_sweep_times(config)[-1]) if narrow else None
+        return LabelledPoints(config.name, config.topic, decode, spins if config.spinning else "", sweep)
 
     return [points_of(config) for config in rig.enabled(LidarConfig)]
 
