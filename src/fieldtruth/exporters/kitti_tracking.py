@@ -129,6 +129,13 @@ def _label(row: KittiRow) -> str:
 def _calib(geometry: Geometry) -> str:
     """Calibration of a sequence: names without a colon behind the projections, as KITTI's files of tracking have it."""
     left, right = geometry.projection
-    rows = {"P0:": left, "P1:": right, "P2:": left, "P3:": right, "R_rect": np.eye(3)}
-    rows |= {"Tr_velo_cam": geometry.cam0_from_cloud, "Tr_imu_velo": np.eye(3, 4)}
-    return "".join(f"{name} {row_text(matrix)}\n" for name, matrix in rows.items())
+    rows = {
+        "P0:": left,
+        "P1:": right,
+        "P2:": left,
+        "P3:": right,
+        "R_rect": np.eye(3),
+        "Tr_velo_cam": geometry.cam0_from_cloud,
+    }
+    own = "".join(f"{name} {row_text(matrix)}\n" for name, matrix in rows.items())
+    return f"{own}Tr_imu_velo {row_text(np.eye(3, 4))}\n"
