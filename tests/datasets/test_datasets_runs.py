@@ -17,7 +17,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, bags_in, collate, open_runs, split
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
-RAGGED = ("cloud", "labels", "instances", "rays", "reflectivity")
+RAGGED = ("cloud", "labels", "instances", "moving", "rays", "reflectivity")
 
 
 def lay(run: Path, folder: Path, names: Sequence[str], worlds: Mapping[str, int] | None = None) -> Path:

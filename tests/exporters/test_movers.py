@@ -6,6 +6,7 @@ A watcher sees a leader, which drives at up to 1 m/s, in part behind a post, and
 """
 
 import configparser
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +28,7 @@ from fieldtruth.core import transforms
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.exporters import amodal, export, kitti_object, kitti_tracking
+from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
@@ -114,6 +116,7 @@ def test_states_are_those_of_the_other_robots_drives(run: Run, folder: Path) -> 
 def test_points_and_pixels_of_what_moves(run: Run, folder: Path) -> None:
     leader, parked = number_of(run, "leader"), number_of(run, "parked")
     dataset = RunDataset(folder / "watcher", ["moving", "moving_mask", "instances", "instance_mask"])
+    dataset = pickle.loads(pickle.dumps(dataset))  # as for a loader's processes
     sample = next(each for each in dataset if each["stamp_ns"] == LATE_NS)
     for moving, instances in (
         (sample["moving"], sample["instances"]),
@@ -128,6 +131,24 @@ def test_points_and_pixels_of_what_moves(run: Run, folder: Path) -> None:
     alone = without(folder / "watcher" / "trio_watcher.bag", folder / "alone" / "a.bag")
     with pytest.raises(BagError, match=r"moving: .*a\.bag has no experiment\.yaml beside it, which says what moves"):
         RunDataset(alone, ["moving"])
+
+
+def test_ids_and_poses_where_static_objects_come_once(tmp_path: Path) -> None:
+    """Then /gazebo/model_states has the robots behind the ground, and other rows than instance ids."""
+    pair = {"leader": robot(1.0, (0, 1), (8, 2)), "watcher": robot(0.3, (-2.5, 1), (8, 1.5), sensors=[*BASE, LIDAR])}
+    experiment = Experiment.model_validate(
+        {"name": "duo", "environment": "park", "seconds": 0.3, "static_objects": "latched", "robots": pair}
+    )
+    folder = pipeline.generate(experiment, tmp_path, world=world(), workers=1)
+    run, leader = open_run(folder / "watcher"), open_run(folder / "leader")
+    assert table.STATIC_MODEL_STATES in run.counts
+    cloud, (mover,) = run["lidar"][1], run.movers
+    assert set(cloud.instance[cloud.label == mover.label]) == {mover.object_id}
+    state = run.movers.at(200_000_000)[mover.object_id]
+    assert np.array_equal(state.pose, leader.trajectory.world_from_base(200_000_000))
+    checks = {check.name: check for check in validate(folder / "watcher", workers=2, quick=True)}
+    assert checks["moving objects"].passed is True
+    assert not [check for check in checks.values() if check.passed is False]
 
 
 def test_a_run_without_the_poses_of_what_moves_is_refused(folder: Path, tmp_path: Path) -> None:

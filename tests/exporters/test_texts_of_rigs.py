@@ -17,7 +17,7 @@ from fieldtruth.exporters import FORMATS, export
 
 FOREIGN = ("Husky", "left camera", "right camera", "left and right", "image_3", "both cameras", "four wheels")
 """Words of the paper's rig: a pair of cameras on a robot with four wheels."""
-LEFT_OUT = ("kitti-object", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum")
+LEFT_OUT = ("kitti-object", "kitti-tracking", "mot", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum")
 """Formats that build the world again, need a pair or instances, or have no text."""
 
 

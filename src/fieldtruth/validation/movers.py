@@ -58,8 +58,11 @@ class MovingObjects(Checker):
             end_ns = raw.stamp_ns + (source.sweep_ns or 0)
             self._context.motion.when_known(end_ns, partial(self._submit, raw, message, source))
             return
-        rows = [self._reader.row(raw.data, mover.name) for mover in self._movers]
-        poses = self._reader.poses(raw.data)[rows]
+        every, names = self._reader.poses(raw.data), self._reader.names
+        if not all(mover.name in names for mover in self._movers):
+            return  # the check of static objects reports other names
+        rows = [names.index(mover.name) for mover in self._movers]
+        poses = every[rows]
         self._known.append((raw.stamp_ns, poses))
         self._rows.append((raw.stamp_ns, poses, self._reader.twists(raw.data)[rows]))
         if len(self._rows) > _BLOCK:
