@@ -229,7 +229,7 @@ def test_kitti_tracking_as_trackeval_reads_it(
     assert {(row[2], row[3], row[4]) for row in labels} == {("Car", "0", "0"), ("Car", "0", "1")}
     assert len(list((made / "image_02" / "0000").iterdir())) == len(list((made / "velodyne" / "0000").iterdir())) == 6
     calib = calib_of(made / "calib" / "0000.txt")
-    assert list(calib) == ["P0", "P1", "P2", "P3", "R_rect", "Tr_velo_cam", "Tr_imu_velo"]
+    assert list(calib) == ["P0", "P1", "P2", "P3", "Tr_velo_cam", "R_rect", "Tr_imu_velo"]
     pose = np.array(rows_of(made / "poses" / "0000.txt")[3], float).reshape(3, 4)
     stamp = int(rows_of(made / "stamps" / "0000.txt")[3][0])
     assert pose == pytest.approx((run.trajectory.world_from_base(stamp) @ run.calibration.base_from("eye"))[:3])

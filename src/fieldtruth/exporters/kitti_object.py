@@ -7,9 +7,9 @@ exact: those of the meshes' vertices; of what moves, the constant one of the obj
 Autonomous Driving?", 2012, and its devkit).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from fieldtruth.world.boxes import box_around, outermost
 _LARGELY, _PARTLY = 0.4, 0.8
 """Visible shares of a silhouette below which an object is largely (2) or partly (1) occluded."""
 _TEXTS: Final = package_data("fieldtruth.exporters", "kitti_object.yaml")
+T = TypeVar("T")
 
 
 class KittiBox(NamedTuple):
@@ -130,6 +131,53 @@ class KittiObjects:
             yield KittiRow(object_id, name, kind, alone, pixels, count, bounds, inside, box, velocity)
 
 
+class Written(NamedTuple, Generic[T]):
+    """A frame whose photograph and cloud were written."""
+
+    stamp_ns: int
+    world_from_cam0: Array
+    text: T
+    """What the caller makes of its rows."""
+
+
+def write_frames(
+    run: Run, folders: tuple[Path, Path], options: Options, text: Callable[[int, list[KittiRow]], T], *, moving: bool
+) -> list[Written[T]]:
+    """Write photographs and clouds of a run to two folders; ``text`` gets the number and the rows of each frame.
+
+    Raises:
+        BagError: no cloud has a photograph and an instance image, or the world of the run is not known.
+    """
+    view = rectified_views(run)[0]
+    with options.progress.stage("build the world"):
+        objects = KittiObjects(run, view)
+    clouds = run.readings(first_of_clouds(run).name, labelled=False)
+    images = run.readings(view.name, ["photo", "instance"])
+    geometry, trajectory = read_geometry(run), run.trajectory
+    for folder in folders:
+        folder.mkdir(parents=True)
+    if not (pairs := paired(clouds.stamps_ns, [images.stamps_ns])):
+        raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
+
+    def save(numbered: tuple[int, Pair]) -> Written[T]:
+        number, pair = numbered
+        image, cloud = images.read(pair.images[0]), clouds.read(pair.cloud)
+        (folders[0] / f"{number:06d}.png").write_bytes(encode_png(image.photo))
+        write_cloud(folders[1] / f"{number:06d}.bin", cloud)
+        world_from_cam0 = trajectory.world_from_base(pair.stamp_ns) @ geometry.base_from_cam0
+        rows = list(objects.rows(image, cloud, world_from_cam0, moving=moving))
+        return Written(pair.stamp_ns, world_from_cam0, text(number, rows))
+
+    return list(options.each(f"{run.name}: frames and boxes", run, list(enumerate(pairs)), save))
+
+
+def require_instances(run: Run) -> None:
+    """Check that a run has the photographs and instance images of a view as KITTI's; raises as ``rectified_views``."""
+    view = rectified_views(run)[0]
+    run.require(view.topics["photo"])
+    run.require_instances(view.topics["instance"])
+
+
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder.
 
@@ -138,44 +186,26 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             pinholes, or its world is not known.
     """
     (run,) = runs
-    view = rectified_views(run)[0]
-    run.require(view.topics["photo"])
-    run.require_instances(view.topics["instance"])
-    with options.progress.stage("build the world"):
-        objects = KittiObjects(run, view)
-    clouds = run.readings(first_of_clouds(run).name, labelled=False)
-    images = run.readings(view.name, ["photo", "instance"])
-    geometry, trajectory = read_geometry(run), run.trajectory
-    folder = target / "training"
-    for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
+    require_instances(run)
+    calib, folder = _calib(read_geometry(run)), target / "training"
+    for name in ("calib", "label_2", "visibility"):
         (folder / name).mkdir(parents=True)
-    if not (pairs := paired(clouds.stamps_ns, [images.stamps_ns])):
-        raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
 
-    def save(numbered: tuple[int, Pair]) -> int:
-        number, pair = f"{numbered[0]:06d}", numbered[1]
-        image, cloud = images.read(pair.images[0]), clouds.read(pair.cloud)
-        (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image.photo))
-        write_cloud(folder / CLOUDS / f"{number}.bin", cloud)
-        (folder / "calib" / f"{number}.txt").write_text(object_calib(geometry), encoding="ascii")
-        world_from_cam0 = trajectory.world_from_base(pair.stamp_ns) @ geometry.base_from_cam0
-        rows = list(objects.rows(image, cloud, world_from_cam0))
-        labels = [row.label(row.kind, f"{row.truncated:.3f}") for row in rows]
-        (folder / "label_2" / f"{number}.txt").write_text("".join(labels), encoding="utf-8")
+    def texts(number: int, rows: list[KittiRow]) -> None:
+        labels = "".join(row.label(row.kind, f"{row.truncated:.3f}") for row in rows)
         extras = "".join(row.extra() for row in rows)
-        (folder / "visibility" / f"{number}.txt").write_text(extras, encoding="utf-8")
-        return pair.stamp_ns
+        for name, text in (("calib", calib), ("label_2", labels), ("visibility", extras)):
+            (folder / name / f"{number:06d}.txt").write_text(text, encoding="utf-8")
 
-    stamps = list(options.each("frames and boxes", run, list(enumerate(pairs)), save))
-    numbers = [f"{k:06d}\n" for k in range(len(stamps))]
+    frames = write_frames(run, (folder / "image_2", folder / CLOUDS), options, texts, moving=False)
     (target / "ImageSets").mkdir()
-    (target / "ImageSets" / "train.txt").write_text("".join(numbers), encoding="ascii")
-    lines = [f"{k:06d} {stamp}\n" for k, stamp in enumerate(stamps)]
+    (target / "ImageSets" / "train.txt").write_text("".join(f"{k:06d}\n" for k in range(len(frames))), encoding="ascii")
+    lines = [f"{k:06d} {frame.stamp_ns}\n" for k, frame in enumerate(frames)]
     (target / "stamps.txt").write_text("".join(lines), encoding="ascii")
     (target / "README.md").write_text(_TEXTS["readme"], encoding="utf-8")
 
 
-def object_calib(geometry: Geometry) -> str:
+def _calib(geometry: Geometry) -> str:
     """Calibration of a frame: names and rotations that the devkit of objects has instead of those of odometry."""
     own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:")
     return f"{own}R0_rect: {row_text(np.eye(3))}\nTr_imu_to_velo: {row_text(np.eye(3, 4))}\n"

@@ -8,44 +8,22 @@ devkit for tracking, which TrackEval reads.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.png import encode_png
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import first_of_clouds
-from fieldtruth.exporters.kitti import (
-    CLOUDS,
-    Geometry,
-    Pair,
-    paired,
-    read_geometry,
-    rectified_views,
-    row_text,
-    write_cloud,
-)
-from fieldtruth.exporters.kitti_object import KittiObjects, KittiRow
+from fieldtruth.exporters.kitti import CLOUDS, Geometry, calib_text, read_geometry, row_text
+from fieldtruth.exporters.kitti_object import KittiRow, require_instances, write_frames
 
 _TEXTS: Final = package_data("fieldtruth.exporters", "kitti_tracking.yaml")
 TYPES: Final[dict[str, str]] = _TEXTS["types"]
 """KITTI's types by kind of an object."""
 _SLIGHTLY, _HALF = 0.15, 0.5
 """Shares of a box outside the image up to which an object is not (0) or partly (1) truncated."""
-_IMAGES: Final = "image_02"
-
-
-class _Frame(NamedTuple):
-    """Rows of a frame in the text files of a sequence."""
-
-    stamp_ns: int
-    world_from_cam0: Array
-    labels: str
-    extras: str
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -56,18 +34,16 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             its world is not known, or nothing moves in any run.
     """
     for run in runs:
-        view = rectified_views(run)[0]
-        run.require(view.topics["photo"])
-        run.require_instances(view.topics["instance"])
+        require_instances(run)
     require_movers(runs)
     folder, lines, sequences = target / "training", [], []
     for number, run in enumerate(runs):
         name = f"{number:04d}"
-        frames = _write_frames(run, folder, name, options)
+        frames = write_frames(run, (folder / "image_02" / name, folder / CLOUDS / name), options, _lines, moving=True)
         texts = {
             "calib": _calib(read_geometry(run)),
-            "label_02": "".join(frame.labels for frame in frames),
-            "visibility": "".join(frame.extras for frame in frames),
+            "label_02": "".join(frame.text[0] for frame in frames),
+            "visibility": "".join(frame.text[1] for frame in frames),
             "poses": "".join(f"{row_text(frame.world_from_cam0)}\n" for frame in frames),
             "stamps": "".join(f"{frame.stamp_ns}\n" for frame in frames),
         }
@@ -94,31 +70,10 @@ def require_movers(runs: Sequence[Run]) -> None:
         raise BagError(f"nothing moves in {runs[0].bag} beside its robot, and tracks are those of what moves")
 
 
-def _write_frames(run: Run, folder: Path, name: str, options: Options) -> list[_Frame]:
-    """Write images and clouds of a sequence, and return its frames."""
-    view = rectified_views(run)[0]
-    with options.progress.stage("build the world"):
-        objects = KittiObjects(run, view)
-    clouds = run.readings(first_of_clouds(run).name, labelled=False)
-    images = run.readings(view.name, ["photo", "instance"])
-    geometry, trajectory = read_geometry(run), run.trajectory
-    for part in (_IMAGES, CLOUDS):
-        (folder / part / name).mkdir(parents=True)
-    if not (pairs := paired(clouds.stamps_ns, [images.stamps_ns])):
-        raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
-
-    def save(numbered: tuple[int, Pair]) -> _Frame:
-        number, pair = numbered
-        image, cloud = images.read(pair.images[0]), clouds.read(pair.cloud)
-        (folder / _IMAGES / name / f"{number:06d}.png").write_bytes(encode_png(image.photo))
-        write_cloud(folder / CLOUDS / name / f"{number:06d}.bin", cloud)
-        world_from_cam0 = trajectory.world_from_base(pair.stamp_ns) @ geometry.base_from_cam0
-        rows = list(objects.rows(image, cloud, world_from_cam0, moving=True))
-        labels = "".join(f"{number} {row.object_id} {_label(row)}" for row in rows)
-        extras = "".join(f"{number} {row.extra()}" for row in rows)
-        return _Frame(pair.stamp_ns, world_from_cam0, labels, extras)
-
-    return list(options.each(f"{run.name}: frames and boxes", run, list(enumerate(pairs)), save))
+def _lines(number: int, rows: list[KittiRow]) -> tuple[str, str]:
+    """Lines of a frame in ``label_02`` and in ``visibility``."""
+    labels = "".join(f"{number} {row.object_id} {_label(row)}" for row in rows)
+    return labels, "".join(f"{number} {row.extra()}" for row in rows)
 
 
 def _label(row: KittiRow) -> str:
@@ -128,14 +83,5 @@ def _label(row: KittiRow) -> str:
 
 def _calib(geometry: Geometry) -> str:
     """Calibration of a sequence: names without a colon behind the projections, as KITTI's files of tracking have it."""
-    left, right = geometry.projection
-    rows = {
-        "P0:": left,
-        "P1:": right,
-        "P2:": left,
-        "P3:": right,
-        "R_rect": np.eye(3),
-        "Tr_velo_cam": geometry.cam0_from_cloud,
-    }
-    own = "".join(f"{name} {row_text(matrix)}\n" for name, matrix in rows.items())
-    return f"{own}Tr_imu_velo {row_text(np.eye(3, 4))}\n"
+    own = calib_text(geometry).replace("Tr:", "Tr_velo_cam")
+    return f"{own}R_rect {row_text(np.eye(3))}\nTr_imu_velo {row_text(np.eye(3, 4))}\n"
