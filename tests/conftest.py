@@ -168,7 +168,7 @@ def _worlds_of(kept: Kept) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fieldtruth.annotation.load_world", kept.load_world)
         patch.setattr("fieldtruth.validation.rays.ReferenceTracer", kept.tracer)
-        for module in ("simulation.stepped", "validation.world", "exporters.amodal", "report.page.map"):
+        for module in ("simulation.stepped", "validation.world", "local_maps", "report.page.map"):
             patch.setattr(f"fieldtruth.{module}.world_of", kept.world_of)
         for module in ("sensors.kind", "validation.world", "report.page.map", "report.preview"):
             patch.setattr(f"fieldtruth.{module}.Scene", kept.scene)

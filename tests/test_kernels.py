@@ -21,12 +21,12 @@ COMPILERS = ("compile", "packets", "bare")
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_kernel_depends_on_fewer_than_15_modules_and_no_data(module: str) -> None:
+def test_a_kernel_depends_on_fewer_than_16_modules_and_no_data(module: str) -> None:
     closure = import_closure([module], ROOT)
     packages = {path.relative_to(ROOT).parts[1] for path in closure}
     assert packages <= {"__init__.py", "core", "kernels"}
     assert {path.suffix for path in closure} == {".py"}
-    assert 3 < len(closure) < 15
+    assert 3 < len(closure) < 16  # photographs need the robot's boxes, too, for its shadow
 
 
 def test_every_compiled_function_is_a_kernel() -> None:

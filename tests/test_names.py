@@ -50,7 +50,7 @@ SUFFIXES = {
         "h",
     ),
     *("so", "toml", "sh", "mtl", "obj", "gpkg", "usdc", "xacro", "urdf", "config", "mcap", "sha256", "zip", "html"),
-    *("xlsx", "service", "pt", "pgm", "tif"),
+    *("xlsx", "service", "pt", "pgm", "tif", "jsonl"),
 }
 """Of files, whose names are no names of code."""
 

@@ -18,7 +18,7 @@ from PIL import Image
 import fieldtruth as ft
 from fieldtruth.bag.decode import points
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import CLASSES, OF_ACTORS, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.datasets import RunDataset, Runs
 from fieldtruth.exporters import export
@@ -192,7 +192,7 @@ def test_voxels_have_it(world: ft.World) -> None:
 def test_data_sets_name_it(folder: Path, masks: list[Any]) -> None:
     own = RunDataset(folder, items=("mask",), camera="left")
     assert own.classes[ID] == NAME
-    assert 20 not in own.classes
+    assert len(CLASSES) not in own.classes
     assert all((own[k]["mask"] == mask).all() for k, mask in enumerate(masks))
     there = RunDataset(folder, items=("mask",), camera="left", label_map="rellis")
     assert all(((there[k]["mask"] == VEHICLE) == (mask == ID)).all() for k, mask in enumerate(masks))
@@ -275,7 +275,7 @@ def test_shares_name_it() -> None:
     counts[0, [1, ID]] = 3, 1
     shares = ClassShares(pixels=counts, points=counts, classes=table)
     assert shares.as_dict()["pixels"] == {"ground": 3, NAME: 1}
-    plain = ClassShares(pixels=np.full((1, 20), 2), points=np.zeros((1, 20), np.int64))
+    plain = ClassShares(pixels=np.full((1, len(CLASSES)), 2), points=np.zeros((1, len(CLASSES)), np.int64))
     assert [NAME, "25.00", "-"] in [line.split() for line in shares_table({"a": shares, "b": plain}).splitlines()]
 
 
@@ -294,14 +294,15 @@ def test_label_maps_have_it_as_void_unless_it_says_more() -> None:
     table = with_own({"classes": OWN})
     rellis, rugd = (label_map_of(name).over(table) for name in ("rellis", "rugd"))
     assert (rellis.ids[ID], rellis.ids[77], rugd.ids[ID]) == (VEHICLE, 0, 0)
-    assert rellis.ids[:20].tolist() == label_map_of("rellis").ids.tolist()
+    assert rellis.ids[: len(CLASSES)].tolist() == label_map_of("rellis").ids.tolist()
 
 
 def test_buildings_and_fences_are_only_where_they_can_be() -> None:
     of_park, of_site = classes_of("park", {}), classes_of("site", {})
     assert (len(of_park), [row.name for row in of_site[18:]]) == (18, ["building", "fence"])
     assert classes_of("park", {"objects": [{"file": "house.glb"}]}) == CLASSES
-    assert of_park.joined(of_site) == CLASSES
+    assert of_park.joined(of_site) == of_site == CLASSES.without(*OF_ACTORS)
+    assert classes_of("site", {}, actors=True) == CLASSES
     with pytest.raises(ValueError, match=r"32 is a with the .* in one run, and class 32 is b with the"):
         with_own({"classes": {"a": {}}}).joined(with_own({"classes": {"b": {}}}))
     with pytest.raises(ValueError, match=r"32 is a with the colour \[1, 2, 3\] in .* is a with the colour \[1, 2, 4\]"):

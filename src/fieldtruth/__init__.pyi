@@ -65,11 +65,14 @@ from .experiment.robot_config import RobotConfig as RobotConfig
 from .experiment.robot_config import WheelConfig as WheelConfig
 from .experiment.sensor_config import MountedConfig as MountedConfig
 from .experiment.sensor_config import SensorConfig as SensorConfig
+from .exporters import MapOptions as MapOptions
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene
 from .kernels.cast import Hits as Hits
 from .kernels.lidar import Scan as Scan
+from .local_maps import LocalMap as LocalMap
+from .local_maps import LocalMaps as LocalMaps
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
 from .render.bake import bake as bake

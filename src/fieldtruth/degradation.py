@@ -100,6 +100,8 @@ def _ideal_experiment(run: Run) -> Experiment:
         raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
     if run.experiment.robots:
         raise BagError(f"{run.bag} is of one of several robots; generate their runs again, with --signal")
+    if run.experiment.actors:
+        raise BagError(f"{run.bag} is of an experiment with actors; generate it again, with --signal")
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     return run.experiment

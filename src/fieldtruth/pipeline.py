@@ -67,7 +67,7 @@ class PreparedHere(Driven):
     @cached_property
     def key(self) -> str:
         """Key of its slices."""
-        others = [self.robots] * bool(self.robots)
+        others = [*[self.robots] * bool(self.robots), *([] if self.actors is None else [self.actors.digest()])]
         return slices_key(dump_experiment(self.experiment), self.world, self.track, *others)
 
     @property
@@ -95,6 +95,7 @@ class PreparedHere(Driven):
             movement=self.movement,
             seed=made.noise_seed,
             robots=self.robots,
+            actors=self.actors,
         )
 
     def sensed(self) -> Rig:
@@ -116,7 +117,7 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    return PreparedHere(made, world, driven.track, scene=driven.scene)
+    return PreparedHere(made, world, driven.track, scene=driven.scene, moving=driven.moving, actors=driven.actors)
 
 
 def generate(
@@ -177,6 +178,8 @@ def generate_by(
     record = partial(
         _generate_run, workers=workers, overwrite=overwrite, progress=Silent() if progress is None else progress
     )
+    if made.actors and engine is not None:
+        raise ConfigurationError(f"{made.name} has actors, which move in one process; leave the cluster out")
     if not made.robots:
         return record(engine or prepare, simulation, folder / made.name)
     if engine is not None:
@@ -205,7 +208,9 @@ def _prepare_fleet(fleet: Fleet, progress: Progress) -> dict[Simulation, Prepare
     with progress.stage("drive", max(seconds)) as advance:
         driven = fleet.drive(advance)
     return {
-        fleet.robots[name]: PreparedHere(each.experiment, world, each.track, moving=each.moving, robots=each.robots)
+        fleet.robots[name]: PreparedHere(
+            each.experiment, world, each.track, moving=each.moving, robots=each.robots, actors=each.actors
+        )
         for name, each in driven.items()
     }
 

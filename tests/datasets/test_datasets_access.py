@@ -152,7 +152,7 @@ def cloud(**columns: Any) -> SimpleNamespace:
 
 
 def value(item: str, message: Any) -> NDArray[Any]:
-    return ITEMS[item].value(cloud_of(message, labelled=item == "labels"), Meaning(np.arange(20)))
+    return ITEMS[item].value(cloud_of(message, labelled=item == "labels"), Meaning(np.arange(24)))
 
 
 def test_a_cloud_of_the_papers_data_set_has_classes_as_intensity_and_nan_points_are_dropped() -> None:
@@ -163,10 +163,10 @@ def test_a_cloud_of_the_papers_data_set_has_classes_as_intensity_and_nan_points_
     assert value("labels", both).tolist() == [5]
 
 
-@pytest.mark.parametrize("wrong", [20.0, -1.0, 2.5])
+@pytest.mark.parametrize("wrong", [24.0, -1.0, 2.5])
 def test_a_point_with_an_invalid_class_is_an_error(wrong: float) -> None:
     with pytest.raises(
-        FieldtruthError, match=rf"intensity of a point must be a class, one of 0, 1, .* 19, got {wrong:g}"
+        FieldtruthError, match=rf"intensity of a point must be a class, one of 0, 1, .* 23, got {wrong:g}"
     ):
         value("labels", cloud(x=[1, 1], y=[1, 1], z=[1, 1], intensity=[1, wrong]))
 

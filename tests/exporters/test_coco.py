@@ -255,8 +255,8 @@ def test_label_map_relabels(name: str, short: Path, bag: Bag, tmp_path: Path) ->
     assert all((row["name"], tuple(row["color"])) == there.classes[number] for number, row in rows.items())
     things = {number for number, row in rows.items() if row["isthing"]}
     wanted = {
-        "rellis": {"tree", "bush", "rubble", "pole", "object", "building", "fence"},
-        "goose9": {"obstacle", "artificial_structures"},
+        "rellis": {"tree", "bush", "rubble", "pole", "object", "building", "fence", "person", "vehicle"},
+        "goose9": {"obstacle", "artificial_structures", "human", "vehicle"},
         "ganav6": {"obstacle", "L3 (Bumpy)"},
     }
     assert {rows[number]["name"] for number in things} == wanted[name]

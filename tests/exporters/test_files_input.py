@@ -92,7 +92,7 @@ def bad_class(data: bytes) -> bytes:
         (
             POINTS,
             bad_class,
-            "wrong.bag: .*points at 100000000 ns: label of a point must be a class, one of 0, 1, .*, 18, 19, got 99",
+            "wrong.bag: .*points at 100000000 ns: label of a point must be a class, one of 0, 1, .*, 22, 23, got 99",
         ),
         (POINTS, cut_short, "the message of /os1_cloud_node/points at 100000000 ns is damaged"),
         (MODELS, cut_short, "a message of /gazebo/model_states is damaged"),

@@ -140,12 +140,12 @@ def test_run_without_cameras_has_only_points(small_run: Path, tmp_path: Path) ->
 
 
 def counts_like(**numbers: dict[int, int]) -> dict[str, Any]:
-    """Counts (20,) from the nonzero ones."""
-    return {key: np.array([rows.get(k, 0) for k in range(20)], np.int64) for key, rows in numbers.items()}
+    """Counts (classes,) from the nonzero ones."""
+    return {key: np.array([rows.get(k, 0) for k in range(len(CLASSES))], np.int64) for key, rows in numbers.items()}
 
 
 def test_label_map_adds_a_sheet(tmp_path: Path) -> None:
-    ids = np.full(20, 7, np.uint8)
+    ids = np.full(len(CLASSES), 7, np.uint8)
     ids[[2, 3]], ids[0] = 40, 0
     classes = {0: ("void", (0, 0, 0)), 7: ("rest", (1, 2, 3)), 9: ("never", (9, 9, 9)), 40: ("tree", (250, 0, 16))}
     other = LabelMap("test", ids, {number: OntologyClass(*row) for number, row in classes.items()})

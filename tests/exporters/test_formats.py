@@ -18,7 +18,7 @@ from fieldtruth import cli
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.exporters import FORMATS, Options, export
+from fieldtruth.exporters import FORMATS, MapOptions, Options, export
 from fieldtruth.ontology import LABEL_MAPS
 
 
@@ -28,8 +28,8 @@ def digest(path: Path) -> dict[str, str]:
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
-NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth")
-OF_WORLDS = ("kitti-object", "occupancy")
+NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth", "image-cost")
+OF_WORLDS = ("kitti-object", "occupancy", "local-maps", "image-cost", "scene-completion")
 """Formats that build the world of experiment.yaml."""
 OF_MOVERS = ("kitti-tracking", "mot")
 """Formats of runs in which something moves."""
@@ -53,13 +53,15 @@ def test_default_output_and_bytes_for_any_workers(
     if to in OF_WORLDS:
         shutil.copy(brief_run / "experiment.yaml", tmp_path)
     before, files = digest(Path(bag)), [path.name for path in tmp_path.iterdir()]
-    coarse = ["--voxel", "0.5"] if to == "occupancy" else []
+    rough = {"occupancy": "--voxel", "local-maps": "--resolution", "image-cost": "--resolution"}
+    coarse = [rough[to], "0.5"] if to in rough else []
     assert cli.main(["export", str(bag), "--to", to, "--workers", "1", *coarse]) == 0
     made = tmp_path / f"park_1{FORMATS[to].suffix}"
     assert capsys.readouterr().out.startswith(f"{made}: ")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, *files])
-    voxel_m = 0.5 if coarse else None
-    other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2, voxel_m=voxel_m)
+    voxel_m = 0.5 if to == "occupancy" else None
+    maps = MapOptions(resolution=0.5) if coarse and voxel_m is None else None
+    other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2, voxel_m=voxel_m, maps=maps)
     assert digest(other) == digest(made)
     assert digest(Path(bag)) == before
 

@@ -53,7 +53,7 @@ def test_configuration_names_and_colours_each_train_id(folder: Path) -> None:
     values = runpy.run_path(str(folder / "dataset.py"))
     rows = CLASSES[1:18]
     assert values["metainfo"] == {"classes": tuple(r.name for r in rows), "palette": [list(r.rgb or ()) for r in rows]}
-    assert train_ids(own_labels()).tolist() == [255, *range(19)]
+    assert train_ids(own_labels()).tolist() == [255, *range(23)]
     assert {name for name in values if name.endswith("_dataloader")} == {"train_dataloader", "val_dataloader"}
 
 

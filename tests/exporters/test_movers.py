@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pycocotools.coco import COCO
 from sense_worlds import at, box, make_world
 
-from fieldtruth import pipeline
+from fieldtruth import local_maps, pipeline
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.movers import STILL, Mover, MoverState
@@ -27,7 +27,7 @@ from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core import transforms
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.exporters import amodal, export, kitti_object, kitti_tracking
+from fieldtruth.exporters import export, kitti_object, kitti_tracking
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
@@ -166,7 +166,7 @@ def test_a_run_without_the_poses_of_what_moves_is_refused(folder: Path, tmp_path
 
 @pytest.fixture(name="_tiny")
 def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(amodal, "world_of", lambda _: world())
+    monkeypatch.setattr(local_maps, "world_of", lambda _: world())
 
 
 def rows_of(path: Path) -> list[list[str]]:

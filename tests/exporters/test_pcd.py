@@ -204,7 +204,7 @@ def test_errors_are_one_line(lean_run: Path, tmp_path: Path) -> None:
         ),
         "other": (
             with_clouds(bag, tmp_path / "other.bag", lambda stamp: bare_cloud(stamp, [1.0, 1.0, 87.5])),
-            r"other\.bag: /os1_cloud_node/points at \d+ ns: intensity of a point must be a class, .* 18, 19, got 87\.5",
+            r"other\.bag: /os1_cloud_node/points at \d+ ns: intensity of a point must be a class, .* 22, 23, got 87\.5",
         ),
         "twice": (
             with_clouds(bag, tmp_path / "twice.bag", lambda stamp: bare_cloud(500_000_000, [1.0, 1.0])),

@@ -17,8 +17,11 @@ from fieldtruth.exporters import FORMATS, export
 
 FOREIGN = ("Husky", "left camera", "right camera", "left and right", "image_3", "both cameras", "four wheels")
 """Words of the paper's rig: a pair of cameras on a robot with four wheels."""
-LEFT_OUT = ("kitti-object", "kitti-tracking", "mot", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum")
-"""Formats that build the world again, need a pair or instances, or have no text."""
+LEFT_OUT = (
+    *("kitti-object", "kitti-tracking", "mot", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum"),
+    *("local-maps", "image-cost", "experience", "scene-completion"),
+)
+"""Formats that build the world again, need a pair, depth or instances, or have no text."""
 
 
 @pytest.fixture(scope="module")

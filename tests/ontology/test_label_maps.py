@@ -23,20 +23,26 @@ RUGD = """\
 5 pole 0 153 153
 6 water 0 128 255
 7 sky 0 0 255
+8 vehicle 255 255 0
 9 container/generic-object 255 0 127
 11 gravel 255 128 0
 12 building 255 0 0
+17 person 204 153 255
 18 fence 102 0 204
 19 bush 255 153 204
 21 rock 153 204 255
 24 picnic-table 114 85 47"""
 
-# challenge_label_mapping.csv: class_name,label_key,has_instance,hex,challege_category_id,challenge_category_name
+# challenge_label_mapping.csv: class_name,label_key,has_instance,hex,challege_category_id,challenge_category_name; the
+# categories of car, person and animal are assumed
 GOOSE = """\
 undefined,0,0,#000000,0,other
 obstacle,4,0,#ff4a46,4,obstacle
 street_light,6,1,#006fa6,4,obstacle
 ego_vehicle,8,0,#ffdbe5,0,other
+car,12,1,#b79762,5,vehicle
+person,14,1,#8fb0ff,7,human
+animal,33,1,#000035,0,other
 bush,17,0,#809693,6,vegetation
 gravel,24,0,#61615a,3,natural_ground
 tree_crown,27,0,#00c2a0,6,vegetation
@@ -68,6 +74,7 @@ SEMANTIC_KITTI = """\
 0 unlabeled 0 0 0
 1 outlier 0 0 255
 20 other-vehicle 255 0 0
+30 person 30 30 255
 49 other-ground 75 0 175
 50 building 0 200 255
 51 fence 50 120 255
@@ -109,7 +116,8 @@ def test_every_class_is_mapped_and_only_void_to_void(name: str) -> None:
     assert set(labels.ids.tolist()) <= set(labels.classes)
     assert labels.ids[Label.VOID] == 0
     also_void = {label for label in Label if labels.ids[label] == 0} - {Label.VOID}
-    own = set() if name in ("goose", "semantickitti") else {Label.ROBOT, Label.PARTICLE}
+    own = set() if name in ("goose", "semantickitti") else {Label.ROBOT, Label.PARTICLE, Label.AERIAL_VEHICLE}
+    own |= {Label.ANIMAL} if name in ("rellis", "rugd", "goose9", "ganav6") else set()
     unseen = {"ganav6": {Label.SKY}, "semantickitti": {Label.SKY, Label.WATER}}
     assert also_void == own | unseen.get(name, set())
 

@@ -86,7 +86,7 @@ def test_tag_image_with_one_byte_per_pixel_is_an_error() -> None:
 
 
 def test_class_ids_come_from_label_or_intensity() -> None:
-    both = np.array([(3.0, 7), (4.0, 17), (5.0, 20), (5.0, 0)], [("intensity", "<f4"), ("label", "<u2")])
+    both = np.array([(3.0, 7), (4.0, 17), (5.0, 24), (5.0, 0)], [("intensity", "<f4"), ("label", "<u2")])
     assert class_ids(both).tolist() == [7, 17, 0, 0]
     intensity = np.array([3.0, 3.5, -1.0, 200.0, np.nan, 13.0], "<f4")
     assert class_ids(intensity.view([("intensity", "<f4")])).tolist() == [3, 0, 0, 0, 0, 13]

@@ -56,7 +56,7 @@ def rewritten(run: Path, target: Path, change: Change, experiment: Experiment | 
     if experiment is not None:
         (folder / "experiment.yaml").write_text(dump_experiment(experiment))
     written = load_experiment(folder / "experiment.yaml")
-    topics = topics_of(written.rig, latched=written.static_objects == "latched")
+    topics = topics_of(written.rig, latched=written.static_objects == "latched", actors=bool(written.actors))
     counts: dict[str, int] = {}
     changes = 0
     with open_bag(bag_in(run)) as source, BagWriter(folder / bag_in(run).name, topics) as bag:

@@ -2,11 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What moves in a run beside its own robot, as bodies for ray tracers, which are where the bag has them."""
 
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from fieldtruth.actors.cast import Actor, Cast
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagFile
 from fieldtruth.bag.geometry import ModelStatesReader
-from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.core import transforms
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
@@ -20,25 +26,42 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
     Raises:
         BagError: the bag is damaged, or lacks them.
     """
-    if not experiment.robots:
-        return world, []
-    world = with_robots(world, experiment.robots)
-    return world, other_robots(run, experiment, world)
-
-
-def other_robots(run: BagFile, experiment: Experiment, world: World) -> list[MovingBody]:
-    """Return the robots beside that of a run, where the bag has them at each knot of the motion.
-
-    Raises:
-        BagError: the bag is damaged, or lacks them.
-    """
-    run.require(table.MODEL_STATES)
+    if experiment.robots:
+        world = with_robots(world, experiment.robots)
+    cast = Cast(experiment, world) if experiment.actors else None
+    world, actors = (world, dict[str, Actor]()) if cast is None else (cast.world, cast.actors)
     rigs = {name: experiment.of_robot(name).rig for name in experiment.robots if name != experiment.namespace}
-    states, poses = ModelStatesReader(), {name: KnotPoses() for name in rigs}
+    if not rigs and not actors:
+        return world, []
+    poses = {name: KnotPoses() for name in (*rigs, *actors)}
+    joints = _read(run, poses, [table.ACTOR_JOINTS] * bool(actors))
+    _fill(actors.values(), poses, joints)
+    bodies = [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
+    return world, [*bodies, *(cast.bodies() if cast else [])]
+
+
+def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) -> list[Array]:
+    """Read the poses of what moves at each knot of the motion, and the joints of all actors from the first knot on."""
+    run.require(table.MODEL_STATES)
+    states, joints = ModelStatesReader(), list[Array]()
     with open_bag(run.bag) as bag:
-        for raw in bag.messages([table.MODEL_STATES]):
+        decode = decoder(bag)
+        for raw in bag.messages([table.MODEL_STATES, *further]):
+            if raw.topic != table.MODEL_STATES:
+                joints.append(np.asarray(decode(raw).position))
+                continue
             for name, known in poses.items():
                 if raw.stamp_ns >= len(known) * KNOT_NS:  # the first message is for the knot at time 0, too
                     pose = states.poses(raw.data)[states.row(raw.data, name)]
                     known.add(transforms.pose_from_quaternion_wxyz(pose[:3], wxyz_from_xyzw(pose[3:]))[None])
-    return [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
+    return joints
+
+
+def _fill(actors: Iterable[Actor], poses: Mapping[str, KnotPoses], joints: Sequence[Array]) -> None:
+    """Give actors their motion; the joints at time 0 are those of the next knot."""
+    first = 0
+    for actor in actors:
+        last = first + len(actor.figure.joints)
+        for root, values in zip(poses[actor.name].save(), [*joints[:1], *joints], strict=False):
+            actor.add(root, values[first:last])
+        first = last

@@ -9,10 +9,10 @@ poses are exact. ROS reads zeros as "unknown", so a filter must be given its own
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores import ros1_noetic as noetic
 
@@ -194,23 +194,53 @@ def _list_of(items: Iterable[tuple[Field, ...]]) -> list[Field]:
     return [struct.pack("<L", len(fields)), *(field for each in fields for field in each)]
 
 
+class Actors(Protocol):
+    """What is known of actors."""
+
+    names: tuple[str, ...]
+    joint_names: tuple[str, ...]
+
+    def at(self, stamp_ns: int) -> tuple[Array, Array]:
+        """Return poses (actors, 7), position and quaternion_xyzw, and twists (actors, 6) at a stamp [ns]."""
+
+    def joints(self, knots_ns: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return values and speeds (n, joints) at knots (n,) [ns]."""
+
+
+def actor_joints(actors: Actors, seq: Any, stamps_ns: NDArray[np.int64]) -> list[bytes]:
+    """Serialise sensor_msgs/JointState of the joints of all actors, NAME/JOINT, at knots; no torques."""
+    values, speeds = actors.joints(stamps_ns)
+    count = struct.pack("<L", len(actors.joint_names))
+    names = count + b"".join(map(text_field, actors.joint_names)) + count
+    fields = *header_fields(seq, stamps_ns, WORLD), names, values, count, speeds, struct.pack("<L", 0)
+    return serialized(len(stamps_ns), *fields)
+
+
 class ModelStatesWriter:
-    """Writes gazebo_msgs/ModelStates, in which only robots move.
+    """Writes gazebo_msgs/ModelStates, in which only robots and actors move.
 
     Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest, or
     only the first ``rows``. The twist is that of base_link's origin in the world frame, as in Gazebo. Behind them are
     the robots of an experiment with several, of which one is the first row, too; after its motion each stands still.
+    Then come the actors.
     """
 
-    def __init__(self, world: World, rows: int | None = None, robots: Mapping[str, Motion] | None = None) -> None:
-        self._robots = list((robots or {}).values())
-        names = [ROBOT, *world.object_names[1 : len(world.object_names) - len(self._robots)]][:rows]
+    def __init__(
+        self,
+        world: World,
+        rows: int | None = None,
+        robots: Mapping[str, Motion] | None = None,
+        actors: Actors | None = None,
+    ) -> None:
+        self._robots, self._actors = list((robots or {}).values()), actors
+        moving = [*(robots or {}), *(actors.names if actors else ())]
+        names = [ROBOT, *world.object_names[1 : len(world.object_names) - len(moving)]][:rows]
         poses = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(names), 1))
         for instance in world.instances:
             if instance.object_id < len(names):
                 poses[instance.object_id] = _pose(instance.world_from_object)
-        self._count = struct.pack("<L", len(names) + len(self._robots))
-        self._before = self._count + b"".join(map(text_field, [*names, *(robots or {})])) + self._count
+        self._count = struct.pack("<L", len(names) + len(moving))
+        self._before = self._count + b"".join(map(text_field, [*names, *moving])) + self._count
         self._between, self._still = poses[1:].tobytes(), bytes(48 * (len(names) - 1))
         self.template = b"".join([self._before, poses.tobytes(), self._count, bytes(48), self._still])
         """The message with the robot at the origin, of a world with one robot."""
@@ -219,6 +249,9 @@ class ModelStatesWriter:
         """Serialise the message at row ``k`` of the motion."""
         (pose, twist), others = _state(motion, k), [_state(each, k) for each in self._robots]
         poses, twists = (b"".join(parts) for parts in zip(*others, strict=True)) if others else (b"", b"")
+        if self._actors is not None:
+            own, own_twists = self._actors.at(int(motion.stamps_ns[k]))
+            poses, twists = poses + own.tobytes(), twists + own_twists.tobytes()
         return b"".join([self._before, pose, self._between, poses, self._count, twist, self._still, twists])
 
 

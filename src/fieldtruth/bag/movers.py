@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.actors.cast import figures_of
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
 from fieldtruth.bag.reader import Storage
@@ -60,6 +61,8 @@ class Mover:
     """(3,) [m] of the box, which is constant."""
     centre: Array
     """(3,) [m] of the box, in its frame."""
+    reach: float = 0.0
+    """[m] by which limbs that move are outside of the box at most."""
 
     @cached_property
     def corners(self) -> Array:
@@ -92,6 +95,12 @@ def movers_of(experiment: Experiment, names: Sequence[str]) -> list[Mover]:
             raise BagError(f"the objects of the bag do not have the robot {name!r} of its experiment")
         size, centre = _body_box(experiment.of_robot(name).rig)
         found.append(Mover(name, names.index(name), int(Label.ROBOT), "robot", size, centre))
+    for name, figure in figures_of(experiment).items():
+        if name not in names:
+            raise BagError(f"the objects of the bag do not have the actor {name!r} of its experiment")
+        centre = np.array([0.0, 0.0, 0.0 if figure.flies else figure.size[2] / 2])
+        box = np.array(figure.size), centre, figure.reach
+        found.append(Mover(name, names.index(name), int(figure.label), figure.kind, *box))
     return found
 
 

@@ -186,7 +186,8 @@ class Run(BagFile):
             ConfigurationError: own classes that are not allowed.
         """
         if self.experiment is not None:
-            return classes_of(self.experiment.environment, self.experiment.layout)
+            made = self.experiment
+            return classes_of(made.environment, made.layout, actors=bool(made.actors))
         path = self.bag.with_suffix(CLASSES_FILE)
         return with_own(parse_mapping(read_text(path), str(path)), source=str(path)) if path.is_file() else CLASSES
 
@@ -217,7 +218,7 @@ class Run(BagFile):
         Raises:
             BagError: the bag lacks what moves, or is damaged.
         """
-        if self.experiment is None or not self.experiment.robots:
+        if self.experiment is None or not (self.experiment.robots or self.experiment.actors):
             return Movers()
         self.require(table.MODEL_STATES)
         found = movers_of(self.experiment, read_objects(self)[0])

@@ -23,12 +23,15 @@ MOST_REPEATED: Final = 500
 """Named objects that ``static_objects: auto`` repeats in every /gazebo/model_states. Each takes some 120 bytes; below
 64 kB LZ4 finds the previous message, which is nearly the same."""
 POSE_RATE: Final = 50.0  # [Hz]; /tf and odometry have a pose at every default stamp of IMU, cameras and LiDAR
+KNOT_RATE: Final = 100.0
+"""Knots per second of the motion of what moves beside the robot."""
 CLOCK: Final = "/clock"
 TF_STATIC: Final = "/tf_static"
 MODEL_STATES: Final = "/gazebo/model_states"
 STATIC_MODEL_STATES: Final = "/gazebo/static_model_states"
 ODOMETRY: Final = "/ground_truth/odom"
 TF: Final = "/tf"
+ACTOR_JOINTS: Final = "/actors/joint_states"
 COMMANDS: Final = "/cmd_vel"
 ROBOT: Final = "husky"
 """The robot in the topics of model states, which the paper drives."""
@@ -39,12 +42,14 @@ _TRUTH: Final = (
     Topic(MODEL_STATES, "gazebo_msgs/msg/ModelStates", TRUTH_RATE),
     Topic(ODOMETRY, "nav_msgs/msg/Odometry", POSE_RATE),
     Topic(TF, "tf2_msgs/msg/TFMessage", POSE_RATE),
+    Topic(ACTOR_JOINTS, "sensor_msgs/msg/JointState", KNOT_RATE, "actors"),
 )
 
 
-def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
-    """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
-    rows = [row for row in _TRUTH if latched or row.kind != "objects"]
+def topics_of(rig: Rig, *, latched: bool = False, actors: bool = False) -> tuple[Topic, ...]:
+    """Topics that this rig publishes, beside ``actors``; ``latched``: static objects have a topic of their own."""
+    left_out = [*["objects"] * (not latched), *["actors"] * (not actors)]
+    rows = [row for row in _TRUTH if row.kind not in left_out]
     for sensor in rig.in_order():
         rows += (topic for output in sensor.outputs_on(rig.robot) for topic in output.topics)
         if sensor.needs_wheels:
@@ -57,7 +62,7 @@ def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
 
 def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]:
     """Topics that a run of this experiment publishes: frames have all that has a meaning at one pose, at one rate."""
-    rows = topics_of(experiment.rig, latched=latched)
+    rows = topics_of(experiment.rig, latched=latched, actors=bool(experiment.actors))
     if experiment.frames is None:
         return rows
     still = (row for row in rows if row.kind not in KINDS or KINDS[row.kind].sees)

@@ -308,7 +308,9 @@ def _route(entry: Tree, rng: np.random.Generator) -> dict[str, Any]:
 def _built_in(environment: str) -> list[Tree]:
     if is_environment_file(environment):
         return [{"random": {"length_m": RANDOM_ROUTE["random"]["length_m"]}}]
-    names: list[Tree] = [name for name, experiment in _catalogue().items() if experiment.environment == environment]
+    names: list[Tree] = [
+        name for name, made in _catalogue().items() if made.environment == environment and not made.actors
+    ]
     if not names:
         raise ConfigurationError(
             f"routes: {environment} has no built-in experiment; give routes: {{random: {{length_m: ...}}}}"

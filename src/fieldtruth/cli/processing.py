@@ -18,7 +18,7 @@ FAILED: Final = 1
 
 
 def _export(options: argparse.Namespace) -> None:
-    from fieldtruth.exporters import FORMATS, export
+    from fieldtruth.exporters import FORMATS, MapOptions, export
 
     if options.to in FORMATS and FORMATS[options.to].publishes:
         for path in options.runs:
@@ -33,6 +33,7 @@ def _export(options: argparse.Namespace) -> None:
             shard_mb=options.shard_mb,
             boxes=options.boxes,
             voxel_m=options.voxel,
+            maps=MapOptions(options.side, options.resolution, options.layers, options.cost),
             workers=options.workers,
             progress=progress,
         )

@@ -5,7 +5,8 @@
 Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither returns a laser pulse,
 so the paper gives them no reflectivity. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
 Robot and particle (rain, snow, fog, dust in the air) occur only in runs whose experiment asks for them, building and
-fence only in worlds that are made from maps or from a user's objects.
+fence only in worlds that are made from maps or from a user's objects, person, animal, vehicle and aerial vehicle only
+in runs with actors, or in worlds with such objects of a user.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -41,6 +42,10 @@ class Label(IntEnum):
     PARTICLE = 17
     BUILDING = 18
     FENCE = 19
+    PERSON = 20
+    ANIMAL = 21
+    VEHICLE = 22
+    AERIAL_VEHICLE = 23
 
 
 def as_key(name: str) -> str:
@@ -145,11 +150,15 @@ CLASSES: Final = ClassTable(
         SemanticClass(Label.PARTICLE, "particle", (178, 128, 255)),
         SemanticClass(Label.BUILDING, "building", (119, 255, 187)),
         SemanticClass(Label.FENCE, "fence", (128, 0, 255)),
+        SemanticClass(Label.PERSON, "person", (255, 178, 51)),
+        SemanticClass(Label.ANIMAL, "animal", (153, 51, 51)),
+        SemanticClass(Label.VEHICLE, "vehicle", (0, 102, 102)),
+        SemanticClass(Label.AERIAL_VEHICLE, "aerial vehicle", (170, 255, 0)),
     ]
 )
 
 PALETTE: Final = CLASSES.palette
-"""(20, 3) flat colour per class id; row 0 (void) is never written."""
+"""(24, 3) flat colour per class id; row 0 (void) is never written."""
 
 NO_RETURN: Final[frozenset[Label]] = frozenset({Label.WATER, Label.SKY})
 """Classes that return no laser pulse."""
@@ -159,6 +168,9 @@ NOT_OF_WORLDS: Final[frozenset[Label]] = frozenset({Label.ROBOT, Label.PARTICLE}
 
 OF_MAPS: Final[frozenset[Label]] = frozenset({Label.BUILDING, Label.FENCE})
 """Classes that the paper's four environments do not have."""
+
+OF_ACTORS: Final[frozenset[Label]] = frozenset({Label.PERSON, Label.ANIMAL, Label.VEHICLE, Label.AERIAL_VEHICLE})
+"""Classes of actors."""
 
 GROUND_ID: Final = 1
 """Instance id of the ground, in every world."""

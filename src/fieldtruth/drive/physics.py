@@ -218,11 +218,15 @@ class Physics(NamedTuple):
     obstacles: dict[int, str]
 
 
-def build_physics(world: World, rig: Rig, step_s: float = STEP_S, others: Mapping[str, Rig] | None = None) -> Physics:
+Other = Rig | tuple[Collider, ...]
+"""What a robot meets that is moved: another robot, or the colliders of an actor in its own frame."""
+
+
+def build_physics(world: World, rig: Rig, step_s: float = STEP_S, others: Mapping[str, Other] | None = None) -> Physics:
     """Build the robot of ``rig`` on the terrain of ``world``; every object with colliders is a fixed obstacle.
 
-    ``step_s`` [s] is that of the physics. ``others`` are robots by name, obstacles that are moved: their bodies are the
-    last of MuJoCo's mocap bodies, in this order, and lie deep below the ground until they are placed.
+    ``step_s`` [s] is that of the physics. ``others`` are robots and actors by name, obstacles that are moved: their
+    bodies are the last of MuJoCo's mocap bodies, in this order, and lie deep below the ground until they are placed.
     """
     spec = mujoco.MjSpec()
     option = spec.option
@@ -305,12 +309,17 @@ def _add_obstacles(spec: Any, world: World) -> dict[str, str]:
     return names
 
 
-def _add_other(spec: Any, name: str, rig: Rig) -> list[str]:
-    """Add another robot; return the names of its geoms."""
-    body, geoms = spec.worldbody.add_body(name=f"robot_{name}", mocap=True, pos=[0.0, 0.0, _NOWHERE]), list[str]()
-    for part, box in body_boxes(rig).items():
+def _add_other(spec: Any, name: str, other: Other) -> list[str]:
+    """Add another robot, or an actor; return the names of its geoms."""
+    body, geoms = spec.worldbody.add_body(name=other_body(name), mocap=True, pos=[0.0, 0.0, _NOWHERE]), list[str]()
+    if not isinstance(other, Rig):
+        for number, collider in enumerate(other):
+            geoms.append(f"{body.name}_{number}")
+            _add_collider(spec, geoms[-1], collider, np.eye(4), body)
+        return geoms
+    for part, box in body_boxes(other).items():
         if part != "chassis":  # inside the outline
-            geoms.append(f"robot_{name}_{part}")
+            geoms.append(f"{body.name}_{part}")
             body.add_geom(
                 name=geoms[-1],
                 type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -322,7 +331,12 @@ def _add_other(spec: Any, name: str, rig: Rig) -> list[str]:
     return geoms
 
 
-def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: Array) -> None:
+def other_body(name: str) -> str:
+    """Name of the body of a robot or an actor that is moved."""
+    return f"other_{name}"
+
+
+def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: Array, body: Any = None) -> None:
     height = collider.size[-1]
     scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
     x, y, z = collider.position
@@ -337,7 +351,7 @@ def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: A
         form = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": np.array([collider.size[0], height / 2, 0.0]) * scale}
     else:
         form = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": np.array([s / 2 for s in collider.size]) * scale}
-    spec.worldbody.add_geom(
+    (spec.worldbody if body is None else body).add_geom(
         name=name,
         pos=world_from_collider[:3, 3],
         quat=quaternion_wxyz_from_rotation(world_from_collider[:3, :3] / scale),

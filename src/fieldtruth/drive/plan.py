@@ -180,11 +180,11 @@ def _planned(
 
 
 def experiments_in(environment: str) -> list[Experiment]:
-    """Return the built-in experiments of an environment, by name; of a file, one with a random route."""
+    """Return the built-in experiments without actors of an environment, by name; of a file, one with a random route."""
     if is_environment_file(environment):
         return [validated({"name": world_name(environment), "environment": environment}, environment)]
     experiments = map(load_experiment, EXPERIMENTS)
-    return [experiment for experiment in experiments if experiment.environment == environment]
+    return [each for each in experiments if each.environment == environment and not each.actors]
 
 
 def expected_path(experiment: Experiment, world: World) -> Array:

@@ -26,7 +26,7 @@ from fieldtruth.drive.controller import (
     heading,
     horizontal_from_geodetic,
 )
-from fieldtruth.drive.physics import STOP, Command, ramp, resting_pose, wheel_speeds
+from fieldtruth.drive.physics import STOP, Command, Other, ramp, resting_pose, wheel_speeds
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.drive.surroundings import EVERY, Following, FollowingState, Surroundings, WheelSoil
 from fieldtruth.drive.track import (
@@ -48,6 +48,10 @@ from fieldtruth.world.model import World
 STOP_SECONDS: Final = 0.5
 """From the fix that reaches the last waypoint to the end of the drive; braking from 0.3 m/s takes 0.1 s of it."""
 SETTLE_SECONDS: Final = 2.0
+YIELD_GAP: Final = 1.5
+"""Gap [m] to what is in its way at which a robot that yields stands, at most half of ``control.yield_to``."""
+YIELD_SECONDS: Final = 120.0
+"""Time for which it slows down or waits before the drive ends."""
 """The robot rests this long before time 0, so that the contacts are settled at the first reading."""
 
 _MERGED: Final = 1000
@@ -101,6 +105,7 @@ class Checkpoint(NamedTuple):
     fixes: int
     end: float
     arrived: bool
+    yielding: int
 
 
 class Drive:
@@ -114,7 +119,7 @@ class Drive:
         experiment: supplies control, soil and rig.
         route: start and first waypoints.
         progress: called after every simulated second with the simulated time [s].
-        others: robots by name that it meets; see ``SimulatedRobot``.
+        others: robots, and colliders of actors, by name that it meets; see ``SimulatedRobot``.
     """
 
     def __init__(
@@ -123,9 +128,10 @@ class Drive:
         experiment: Experiment,
         route: RouteConfig,
         progress: Callable[[float], None] | None = None,
-        others: Mapping[str, Rig] | None = None,
+        others: Mapping[str, Other] | None = None,
     ) -> None:
         self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
+        self._yield_to, self._yielding = experiment.control.yield_to, 0
         self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
@@ -170,6 +176,7 @@ class Drive:
             self._fixes,
             self.end,
             self._arrived,
+            self._yielding,
         )
 
     def restore(self, saved: Checkpoint) -> None:
@@ -178,7 +185,7 @@ class Drive:
         self._follower.restore(saved.follower)
         self._monitor.progress = saved.nearing
         self._state, self._periods, self._fixes = saved.state, saved.periods, saved.fixes
-        self.end, self._arrived = saved.end, saved.arrived
+        self.end, self._arrived, self._yielding = saved.end, saved.arrived, saved.yielding
         del self._blocks[saved.blocks :], self._commands[saved.commands :]
 
     def limit(self, seconds: float | None) -> None:
@@ -238,7 +245,18 @@ class Drive:
         return -(-step // self.whole) * self.whole
 
     def _follow(self) -> Command:
-        return self._follower.command(heading(self._state[_QUATERNION]))
+        """Return the follower's command, slower if an actor or another robot is in the way and the robot yields."""
+        command, begins = self._follower.command(heading(self._state[_QUATERNION])), self._yield_to
+        if begins is None:
+            return command
+        gap, name = self.robot.surroundings.gap_ahead(self._rig.robot)
+        stops = min(YIELD_GAP, begins / 2)
+        share = min(max((gap - stops) / (begins - stops), 0.0), 1.0)
+        self._yielding = self._yielding + 1 if share < 1.0 else 0
+        if self._yielding > YIELD_SECONDS * self._rig.first(Inertial).rate_hz:
+            what = f"waited {YIELD_SECONDS:.0f} s for {name} in its way"
+            self._monitor.fail(what, self.robot.seconds, *self._state[_POSITION][:2])
+        return Command(share * command.speed, share * command.turn_rate)
 
     def _advance(self, step: float, command: Command | None = None) -> bool:
         """Drive to the next period of control, at most to a step; return False at that step, or behind the end."""
@@ -260,7 +278,8 @@ class Drive:
         self._blocks.append(block)
         self._state = block[-1]
         if robot.steps in {due, last}:
-            self._monitor.check(robot.seconds, *robot.pose, is_following=command is None)
+            free = command is None and not self._yielding
+            self._monitor.check(robot.seconds, *robot.pose, is_following=free)
         while (fix := due_step(self._rig.first(Fix).rate_hz, self._fixes + 1)) <= robot.steps:
             self._read_fix(block[fix - began - 1])
             self._fixes += 1
@@ -295,7 +314,7 @@ class SimulatedRobot:
         monitor: ends a drive that cannot go on.
         soil: what the ground does to the wheels; None for hard ground. Its steps are as long as those of the physics.
         step_ns: step of the physics [ns]. docs/learning.md says what longer ones change.
-        others: robots by name that it meets where ``meet`` puts them.
+        others: robots, and colliders of actors, by name that it meets where ``meet`` puts them.
     """
 
     def __init__(
@@ -305,7 +324,7 @@ class SimulatedRobot:
         monitor: Monitor,
         soil: WheelSoil | None = None,
         step_ns: int = STEP_NS,
-        others: Mapping[str, Rig] | None = None,
+        others: Mapping[str, Other] | None = None,
     ) -> None:
         self.steps = 0
         self._step_ns, self._step_s = step_ns, step_ns / 1e9

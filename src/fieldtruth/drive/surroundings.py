@@ -43,10 +43,11 @@ from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.ground import WorldParts, bearing_field
-from fieldtruth.drive.physics import CHASSIS_BIT, body_boxes, build_physics, plane_geom, supports
+from fieldtruth.drive.physics import CHASSIS_BIT, Other, body_boxes, build_physics, other_body, plane_geom, supports
 from fieldtruth.drive.soil import SoilContact
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.kernels.soil import OTHER, Wheels, pull, sort_loads
 from fieldtruth.kernels.tyre import Patches, SmoothGround, clearance, press
 from fieldtruth.world.model import Heightfield, World
@@ -66,6 +67,10 @@ REACH: Final = 20.0
 EDGE: Final = 4.0
 """[m] to its edge at which the next part is made: the robot is within 1.2 m, a node has no effect beyond 2 m."""
 _CREEP: Final = 0.05  # [m/s] below which a robot does not drive into another one
+_ASIDE: Final = 0.3
+"""Width [m] beside the robot that belongs to its way, too."""
+_ABOVE: Final = 3.0
+"""Height [m] above or below the robot from which on others are not in its way."""
 _STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -172,12 +177,13 @@ class Surroundings:
         rig: Rig,
         soil: WheelSoil | None,
         step_s: float = STEP_S,
-        others: Mapping[str, Rig] | None = None,
+        others: Mapping[str, Other] | None = None,
     ) -> None:
         self.bearing: Heightfield = bearing_field(part)
         self.model, self._obstacles = build_physics(part, rig, step_s, others)
         self.data = mujoco.MjData(self.model)
-        self._others = {name: self.model.body(f"robot_{name}").mocapid[0] for name in others or {}}
+        self._others = {name: int(self.model.body(other_body(name)).mocapid[0]) for name in others or {}}
+        self._radii = {name: _radius(other) for name, other in (others or {}).items()}
         self._twists: Mapping[str, Array] = {}
         self._soil = soil
         if isinstance(soil, SoilContact):
@@ -205,6 +211,21 @@ class Surroundings:
             number = self._others[name]
             self.data.mocap_pos[number] = pose[:3, 3]
             mujoco.mju_mat2Quat(self.data.mocap_quat[number], np.ascontiguousarray(pose[:3, :3]).ravel())
+
+    def gap_ahead(self, robot: RobotConfig) -> tuple[float, str]:
+        """Distance [m] from the robot's front to the nearest other in its way, and its name; infinite without one.
+
+        The way is as wide as the robot, and _ASIDE to both sides. An other is a circle around its middle.
+        """
+        length, width, _ = robot.outline
+        world_from_base, nearest = np.empty(9), (math.inf, "")
+        mujoco.mju_quat2Mat(world_from_base, self.data.qpos[3:7])
+        for name, number in self._others.items():
+            ahead, left, up = (self.data.mocap_pos[number] - self.data.qpos[:3]) @ world_from_base.reshape(3, 3)
+            radius = self._radii[name]
+            if ahead > 0 and abs(left) < width / 2 + radius + _ASIDE and abs(up) < _ABOVE:
+                nearest = min(nearest, (max(0.0, float(ahead) - length / 2 - radius), name))
+        return nearest
 
     def touched(self) -> tuple[str, float]:
         """Name of the object that the robot touches, and how fast [m/s] they came nearer before the step.
@@ -257,6 +278,14 @@ class Surroundings:
         self.contacts.wheels.sinkage[:] = sinkage
 
 
+def _radius(other: Other) -> float:
+    """Radius [m] of a circle around the middle of a robot or of the colliders of an actor."""
+    if isinstance(other, Rig):
+        return float(np.hypot(*other.robot.outline[:2])) / 2
+    half = (each.size[0] if each.shape == "cylinder" else math.hypot(*each.size[:2]) / 2 for each in other)
+    return max((r + math.hypot(*each.position[:2]) for r, each in zip(half, other, strict=True)), default=0.0)
+
+
 class FollowingState(NamedTuple):
     """State of robot, wheels and soil, in the part around ``middle`` (2,) [m]."""
 
@@ -277,7 +306,7 @@ class Following:
         rig: Rig,
         soil: WheelSoil | None,
         step_s: float = STEP_S,
-        others: Mapping[str, Rig] | None = None,
+        others: Mapping[str, Other] | None = None,
     ) -> None:
         self._parts, self._rig, self._soil, self._step_s = WorldParts(world), rig, soil, step_s
         self._others = others

@@ -9,7 +9,8 @@ geodetic form::
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
@@ -18,6 +19,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from fieldtruth.core.errors import ConfigurationError, RouteError, UnknownNameError
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, geodetic_from_world, world_from_geodetic
 from fieldtruth.core.random import seed_of
+from fieldtruth.experiment.actor_config import MOST_ACTORS, ActorConfig, actor_names
 from fieldtruth.experiment.environment_file import CENTRE, Chosen, is_environment_file, resolved
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Name, Number, Positive
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
@@ -42,6 +44,8 @@ class ControlConfig(Frozen):
     heading_gain: Positive = 1.0  # [(rad/s) / rad]
     max_turn_rate: Positive = 0.6  # [rad/s]
     arrival_distance: Positive = 2.0  # [m]; below it the next waypoint becomes the target
+    yield_to: Annotated[Number, Field(ge=0.5, le=50)] | None = None
+    """Distance [m] ahead at which the robot begins to slow down for actors and other robots in its way; None: never."""
 
 
 class RouteConfig(Frozen):
@@ -156,8 +160,16 @@ StaticObjects = Annotated[Literal["auto", "repeated", "latched"], Field(descript
 
 
 MOST_ROBOTS: Final = 8
-_ROBOT_NAME: Final = re.compile("[a-z][a-z0-9_]{0,31}")
+_NAME: Final = re.compile("[a-z][a-z0-9_]{0,31}")
 _LONGEST_NAME: Final = 64
+
+
+def _check_names(names: Iterable[str], key: str) -> None:
+    """Raise LocatedError if a name is not one of ROS."""
+    for name in names:
+        if not _NAME.fullmatch(name):
+            what = "must be named by at most 32 lower-case letters, digits and _, a letter first"
+            raise LocatedError(what, (key, name))
 
 
 class RobotChanges(Frozen):
@@ -205,6 +217,10 @@ class Experiment(Frozen):
     """Several robots in one world by name; see docs/several_robots.md."""
     namespace: Annotated[str, Field(description="one of the robots")] | None = None
     """Of the run of one of ``robots``: its name, and the namespace of its topics."""
+    actors: Annotated[
+        Mapping[str, ActorConfig], Field(description=f"a mapping of names to actors, {MOST_ACTORS} at most")
+    ] = {}
+    """People, animals and vehicles that move; see docs/actors.md."""
 
     @model_validator(mode="before")
     @classmethod
@@ -243,16 +259,25 @@ class Experiment(Frozen):
             return self
         if not 2 <= len(self.robots) <= MOST_ROBOTS:
             raise LocatedError(f"must be 2 to {MOST_ROBOTS}, got {len(self.robots)}", ("robots",))
-        for name in self.robots:
-            if not _ROBOT_NAME.fullmatch(name):
-                what = "must be named by at most 32 lower-case letters, digits and _, a letter first"
-                raise LocatedError(what, ("robots", name))
+        _check_names(self.robots, "robots")
         if given := [key for key in ("drive", "frames") if getattr(self, key) is not None]:
             raise LocatedError(f"exclude {given[0]}: all robots drive", ("robots",))
         if lacking := [name for name, own in self.robots.items() if own.route is None and self.route is None]:
             raise LocatedError(f"is required: {ROUTE_FORMS}", ("robots", lacking[0], "route"))
         if self.namespace is None and len(self.name) + 1 + max(map(len, self.robots)) > _LONGEST_NAME:
             raise LocatedError(f"and a robot's name must have {_LONGEST_NAME - 1} letters at most together", ("name",))
+        return self
+
+    @model_validator(mode="after")
+    def _actors_allowed(self) -> Self:
+        _check_names(self.actors, "actors")
+        if (count := sum(config.count for config in self.actors.values())) > MOST_ACTORS:
+            raise LocatedError(f"must be {MOST_ACTORS} at most, got {count}", ("actors",))
+        names = [*(name for name, _ in actor_names(self.actors)), *self.robots]
+        if twice := [name for name, number in Counter(names).items() if number > 1]:
+            raise LocatedError(f"and robots must have different names, got {twice[0]} twice", ("actors",))
+        if self.actors and self.frames is not None:
+            raise LocatedError("exclude frames: they move while a robot drives", ("actors",))
         return self
 
     @model_validator(mode="after")

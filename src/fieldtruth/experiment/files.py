@@ -87,9 +87,14 @@ def dump_experiment(experiment: Experiment) -> str:
     values["rig"][MODELS] = experiment.rig.models()
     if not experiment.robots:
         del values["robots"], values["namespace"]
+    if not experiment.actors:
+        del values["actors"]
     for name, own in experiment.robots.items():
         if own.rig is not None:
             values["robots"][name]["rig"][MODELS] = own.rig.models()
+    for each in (values, *values.get("robots", {}).values()):
+        if each["control"] is not None and each["control"]["yield_to"] is None:
+            del each["control"]["yield_to"]
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 

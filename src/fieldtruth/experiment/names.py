@@ -13,20 +13,20 @@ from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text
 
 _PAPER: Final = Path(__file__).parent / "builtin"
-_FURTHER: Final = _PAPER / "landscapes"
-"""Folder of the built-in experiments that are not the paper's."""
+_FURTHER: Final = (_PAPER / "landscapes", _PAPER / "living")
+"""Folders of the built-in experiments that are not the paper's: of other environments, and with actors."""
 EXPERIMENTS: Final[Registry[str]] = Registry(
     "experiment",
     "experiments",
     ".yaml",
     lambda _, given: read_text(Path(given)),
-    (_PAPER, _FURTHER),
+    (_PAPER, *_FURTHER),
 )
 
 
 def campaign_experiments(*, every: bool) -> list[str]:
     """Return the names of the paper's experiments and of added ones, or of every one."""
-    further = () if every else {path.stem for path in _FURTHER.glob("*.yaml")}
+    further = () if every else {path.stem for folder in _FURTHER for path in folder.glob("*.yaml")}
     return [name for name in EXPERIMENTS if name not in further]
 
 

@@ -59,6 +59,8 @@ class Format(NamedTuple):
     """True: it takes ``boxes``."""
     voxel_m: bool = False
     """True: it takes ``voxel_m``."""
+    maps: tuple[str, ...] = ()
+    """Fields of ``MapOptions`` that it takes."""
     copies: bool = False
     """True: it has every message of the bag, whatever its type."""
 
@@ -79,6 +81,19 @@ FORMATS: Final[Registry[Format]] = Registry(
 )
 
 
+class MapOptions(NamedTuple):
+    """What maps around the robot are asked for, by a format that has them: arguments of ``LocalMaps``; None: usual."""
+
+    side: float | None = None
+    resolution: float | None = None
+    layers: Sequence[str] | None = None
+    cost: Path | str | None = None
+
+    def given(self) -> dict[str, Any]:
+        """Return those that are not None."""
+        return {name: value for name, value in self._asdict().items() if value is not None}
+
+
 class Options(NamedTuple):
     """Arguments of every ``write`` beside the runs and the target."""
 
@@ -96,6 +111,7 @@ class Options(NamedTuple):
     """Edge length [m] of the voxels of a format that has voxels."""
     classes: ClassTable = CLASSES
     """Those of the runs."""
+    maps: MapOptions = MapOptions()
 
     @property
     def labels(self) -> LabelMap:
@@ -118,6 +134,7 @@ def export(
     shard_mb: int | None = None,
     boxes: bool = False,
     voxel_m: float | None = None,
+    maps: MapOptions | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
@@ -132,6 +149,7 @@ def export(
         shard_mb: largest size [MB] of a file that holds many frames, of a format that publishes.
         boxes: add boxes of whole objects to annotations, of a format that takes them (``coco``).
         voxel_m: edge length [m] of voxels, by default 0.1, of a format that has them (``occupancy``).
+        maps: side, resolution, layers and costs of maps around the robot, of a format that has them (``local-maps``).
         workers: threads; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
 
@@ -144,6 +162,7 @@ def export(
         OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
     _check_options(to, {"publishes": (split, shard_mb) != (None, None), "boxes": boxes, "voxel_m": voxel_m is not None})
+    _check_map_options(to, maps or MapOptions())
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
     target = None if out is None else _checked_output(to, out)
@@ -153,7 +172,8 @@ def export(
     shard_bytes = (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6
     edge = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
     classes = _classes_of(runs)
-    options = Options(chosen and chosen.over(classes), workers, progress, members, shard_bytes, boxes, edge, classes)
+    labels = chosen and chosen.over(classes)
+    options = Options(labels, workers, progress, members, shard_bytes, boxes, edge, classes, maps or MapOptions())
     target = target or _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     _warn_of_left_out(to, runs, target.name)
@@ -187,6 +207,14 @@ def _check_options(to: str, asked: dict[str, bool]) -> None:
         if given and not getattr(row, key):
             missing = "neither splits nor shards" if key == "publishes" else f"no {key}"
             raise OutputError(f"format {to!r} has {missing}; formats that have: {_able(key)}")
+
+
+def _check_map_options(to: str, maps: MapOptions) -> None:
+    """Refuse options of maps that a format lacks."""
+    for key in maps.given():
+        if key not in FORMATS[to].maps:
+            able = ", ".join(name for name, row in FORMATS.items() if key in row.maps)
+            raise OutputError(f"format {to!r} has no {key}; formats that have: {able}")
 
 
 def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None:

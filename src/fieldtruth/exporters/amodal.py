@@ -13,18 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.bodies import with_bodies
-from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, trace
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
+from fieldtruth.local_maps import world_of_run
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
-from fieldtruth.world.build import world_of
 from fieldtruth.world.model import Mesh, World
 
 NEAR: Final = 0.05
@@ -44,17 +43,6 @@ class Silhouette(NamedTuple):
     """In the image."""
     bbox: list[int]
     """x, y of the upper left pixel, width, height: of these pixels."""
-
-
-def world_of_run(run: Run) -> World:
-    """Return the world of a run.
-
-    Raises:
-        BagError: a bag from elsewhere, whose world is not known.
-    """
-    if run.experiment is None:
-        raise BagError(f"{run.bag} has no experiment.yaml beside it, which says what its world is")
-    return world_of(run.experiment)
 
 
 def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody]]:

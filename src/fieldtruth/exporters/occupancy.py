@@ -14,8 +14,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.amodal import world_of_run
 from fieldtruth.kernels.counting import VoxelMeshes, mark_ground, mark_meshes
+from fieldtruth.local_maps import world_of_run
 from fieldtruth.sense.scene import grid_of, terrain_nodes
 from fieldtruth.world.model import Mesh, World
 
@@ -46,7 +46,7 @@ class Lattice(NamedTuple):
 
 def lattice_of(world: World, voxel_m: float) -> Lattice:
     """Return the grid over the area of a world, as high as its ground and objects."""
-    meshes = _meshes_of(world)
+    meshes = voxel_meshes(world)
     heights = world.terrain.surface.heights
     low, high = float(heights.min()), float(heights.max())
     if len(meshes.mesh):
@@ -59,8 +59,8 @@ def lattice_of(world: World, voxel_m: float) -> Lattice:
 
 def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
     """Yield the voxels of the columns along x in turn, with the share of the world that is done."""
-    meshes, nodes = _meshes_of(world), terrain_nodes(world.terrain.surface)
-    trail, (nx, ny, nz), bits = grid_of(world.terrain.trail_distance), lattice.shape, _bits_of(world)
+    meshes, nodes = voxel_meshes(world), terrain_nodes(world.terrain.surface)
+    trail, (nx, ny, nz), bits = grid_of(world.terrain.trail_distance), lattice.shape, bits_of(world)
     for x in range(0, nx, _TILE):
         found: list[NDArray[np.int64]] = []
         for y in range(0, ny, _TILE):
@@ -82,8 +82,8 @@ def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
         yield min(1.0, (x + _TILE) / nx), Voxels(coords, label_ids.astype(np.uint8))
 
 
-def _bits_of(world: World) -> dict[int, int]:
-    """Bit of each class in a voxel; those of the paper's classes are their ids.
+def bits_of(world: World) -> dict[int, int]:
+    """Return the bit of each class in a voxel; those of the paper's classes are their ids.
 
     Raises:
         OutputError: more classes than bits.
@@ -94,10 +94,11 @@ def _bits_of(world: World) -> dict[int, int]:
     return {int(label): int(label) for label in Label} | {label: len(Label) + k for k, label in enumerate(own)}
 
 
-def _meshes_of(world: World) -> VoxelMeshes:
+def voxel_meshes(world: World) -> VoxelMeshes:
+    """Return the meshes of a world and their copies, with the bits of their classes."""
     meshes: list[Mesh] = list(world.meshes.values())
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
-    bit_of = _bits_of(world)
+    bit_of = bits_of(world)
     bits_by_name = {name: 1 << bit_of[int(material.label)] for name, material in world.materials.items()}
     mesh = [np.array([rows[each.mesh] for each in world.instances], np.int64)]
     pose = [np.array([each.world_from_object for each in world.instances]).reshape(-1, 4, 4)]

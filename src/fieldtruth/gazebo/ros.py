@@ -71,9 +71,9 @@ def image_topics(rig: Rig) -> list[str]:
 
 
 def builtin_experiments(environment: str) -> tuple[Experiment, ...]:
-    """Return the built-in experiments in an environment, in the order of their names."""
+    """Return the built-in experiments without actors in an environment, in the order of their names."""
     experiments = (load_experiment(name) for name in EXPERIMENTS)
-    return tuple(experiment for experiment in experiments if experiment.environment == environment)
+    return tuple(each for each in experiments if each.environment == environment and not each.actors)
 
 
 def write_ros_package(

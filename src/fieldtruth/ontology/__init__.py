@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass
+from fieldtruth.core.classes import CLASSES, OF_ACTORS, OF_MAPS, ClassTable, SemanticClass
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, suggestion
 from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import read_data
@@ -94,7 +94,8 @@ def _read(name: str, given: Any) -> LabelMap:
     for own in data["ids"]:
         if own not in ours:
             raise ConfigurationError(f"{source}: ids: unknown class {own!r}; {suggestion(str(own), ours)}")
-    ids = dict.fromkeys((CLASSES[label].name for label in OF_MAPS), data["ids"].get("void")) | data["ids"]
+    rare = (CLASSES[label].name for label in sorted(OF_MAPS | OF_ACTORS))
+    ids = dict.fromkeys(rare, data["ids"].get("void")) | data["ids"]
     for own in ours:
         number = ids.get(own)
         if number not in classes or not 0 <= number < 256:

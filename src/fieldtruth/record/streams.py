@@ -156,6 +156,7 @@ def streams_of(
     movement: Movement | None = None,
     seed: int | None = None,
     robots: Mapping[str, Motion] | None = None,
+    actors: messages.Actors | None = None,
 ) -> list[Stream]:
     """Return every stream of a recording, in the order of ``topics_of``.
 
@@ -167,11 +168,15 @@ def streams_of(
         movement: that of the track, if it was made; it keeps what sensors have measured.
         seed: of the sensors' clocks; None for the world's.
         robots: motions of all robots of an experiment with several, by name, in the order of their ids.
+        actors: motions of the actors, which have the ids behind.
     """
     end_ns, movement = int(track.motion.stamps_ns[-1]), movement or movement_of(track)
     poses = track.motion.stamps_ns if track.is_frames else stamps_at_rate(topics.POSE_RATE, end_ns)
-    writers = [messages.ModelStatesWriter(world, rows, robots) for rows in [None, GROUND_ID + 1][: 1 + latched]]
+    writers = [messages.ModelStatesWriter(world, rows, robots, actors) for rows in [None, GROUND_ID + 1][: 1 + latched]]
     streams = _truth(world, track, rig, poses, writers)
+    if actors is not None:
+        knots = stamps_at_rate(topics.KNOT_RATE, end_ns)
+        streams.append(_small(topics.ACTOR_JOINTS, knots, lambda k: messages.actor_joints(actors, k, knots[k])))
     for config in rig.in_order():
         series = series_along(config, rig, track, world.seed if seed is None else seed)
         streams += [stream_of(each, movement) for each in series]

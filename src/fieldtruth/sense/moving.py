@@ -75,6 +75,14 @@ class KnotPoses:
         """Add the poses (n, 4, 4) at the next knots."""
         self._poses += list(poses)
 
+    def save(self) -> list[Array]:
+        """Return what ``restore`` needs."""
+        return list(self._poses)
+
+    def restore(self, saved: Sequence[Array]) -> None:
+        """Know what was known when ``save`` was called."""
+        self._poses = list(saved)
+
     def __call__(self, knots_ns: ArrayLike) -> Array:
         """Return the poses (n, 4, 4) at knots (n,) [ns]."""
         numbers = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self._poses) - 1)

@@ -1,26 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Several robots in one world: where each was at the knots of the simulated time, and how the others meet it there.
+"""Robots and actors in one world: where each was at the knots of the simulated time, and how robots meet it there.
 
 All robots drive together in blocks from one knot to the next. In a block a robot meets the others where they were when
 the block began. Sensors see them as bodies that move, with their poses at all knots (``sense.moving``). After the end
 of its drive a robot stays where it was at its last knot.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from fieldtruth.actors.behaviour import RobotState
+from fieldtruth.actors.cast import ActorStates, Cast
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz
-from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.physics import Other
+from fieldtruth.drive.plan import expected_path, plan_route
 from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, Motion, Track
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.robots import robot_body, with_robots
@@ -28,35 +33,127 @@ from fieldtruth.world.model import World
 
 KNOT_STEPS: Final = KNOT_NS // STEP_NS
 """Steps of the physics from one knot to the next."""
+_STRIDE: Final = 100
+"""Rows of a motion that is given between two points of the way that actors expect."""
+ALONE: Final = ""
+"""Name of the robot of an experiment that has no others."""
 
 
 class Company:
-    """The robots of an experiment in its world.
+    """The robots of an experiment, and its actors, in its world.
+
+    An experiment with one robot, and with actors, has a company, too. Its robot has no name.
 
     Args:
-        experiment: with robots.
-        make_world: returns the world, which does not know the robots; called when it is first needed.
+        experiment: with robots or actors.
+        make_world: returns the world, which knows neither robots nor actors; called when it is first needed.
     """
 
     def __init__(self, experiment: Experiment, make_world: Callable[[], World]) -> None:
         self.experiments: Mapping[str, Experiment] = {name: experiment.of_robot(name) for name in experiment.robots}
         """The experiment of each robot."""
+        if not experiment.robots:
+            self.experiments = {ALONE: experiment}
         self.poses: Mapping[str, KnotPoses] = {name: KnotPoses() for name in self.experiments}
         """What is known of the motion of each."""
-        self._make_world = make_world
+        self._experiment, self._make_world = experiment, make_world
+        self._routes = dict[str, RouteConfig]()
 
     @cached_property
-    def world(self) -> World:
-        """The world, with the materials and instance ids of the robots."""
-        return with_robots(self._make_world(), self.experiments)
+    def cast(self) -> Cast | None:
+        """The actors; None without any."""
+        return Cast(self._experiment, self._of_robots) if self._experiment.actors else None
 
-    def others(self, name: str) -> dict[str, Rig]:
-        """Return the rigs of the robots that a robot meets."""
+    @property
+    def actors(self) -> ActorStates | None:
+        """Motion of the actors, as far as it is known."""
+        return None if self.cast is None else ActorStates(self.cast.actors)
+
+    @cached_property
+    def _of_robots(self) -> World:
+        world, names = self._make_world(), self._experiment.robots
+        return with_robots(world, names) if names else world
+
+    @property
+    def world(self) -> World:
+        """The world, with the materials and instance ids of robots and actors."""
+        return self._of_robots if self.cast is None else self.cast.world
+
+    def others(self, name: str) -> dict[str, Other]:
+        """Return what a robot meets: the rigs of other robots, and the colliders of actors."""
+        return {**self._rigs(name), **(self.cast.colliders if self.cast else {})}
+
+    def _rigs(self, name: str) -> dict[str, Rig]:
         return {other: made.rig for other, made in self.experiments.items() if other != name}
 
     def bodies(self, name: str) -> list[MovingBody]:
         """Return the bodies that the sensors of a robot see."""
-        return [robot_body(self.world, other, rig, self.poses[other]) for other, rig in self.others(name).items()]
+        robots = [robot_body(self.world, other, rig, self.poses[other]) for other, rig in self._rigs(name).items()]
+        return [*robots, *(self.cast.bodies() if self.cast else [])]
+
+    def begin(self, routes: Mapping[str, RouteConfig | None]) -> None:
+        """Put the actors where they begin; the robots are at their starts, and have planned their routes.
+
+        Raises:
+            ConfigurationError: an actor cannot begin where it should.
+        """
+        if self.cast is not None:
+            planned = (self.experiments[name].model_copy(update={"route": route}) for name, route in routes.items())
+            self._begin([expected_path(made, self.world)[:, :2] for made in planned])
+
+    def _begin(self, ways: Sequence[Array]) -> None:
+        assert self.cast is not None
+        self.cast.begin(np.concatenate(ways), self._states(0))
+
+    def step_actors(self, stamp_ns: int) -> None:
+        """Find where the actors are at the knot after one [ns] at which all robots are known."""
+        if self.cast is not None and self.cast.known_ns <= stamp_ns:
+            self.cast.step(self._states(stamp_ns))
+
+    def end_actors(self, stamp_ns: int) -> None:
+        """Let the actors stand from the knot [ns] on at which the last drive ends, as far as its bag knows them."""
+        if self.cast is not None:
+            self.cast.end(stamp_ns)
+
+    def follow(self, swept: Motion, end_ns: int) -> None:
+        """Move the actors while a robot alone moves as it was given, which touches nothing, up to a stamp [ns].
+
+        Raises:
+            ConfigurationError: an actor cannot begin where it should.
+        """
+        if self.cast is not None:
+            self.poses[ALONE].restart(pose_from_quaternion_wxyz(swept.position[0], swept.quaternion_wxyz[0]))
+            self.add(ALONE, swept)
+            self._begin([swept.position[::_STRIDE, :2]])
+            for stamp in range(KNOT_NS, end_ns, KNOT_NS):
+                self.step_actors(stamp)
+            self.end_actors(end_ns)
+
+    def save(self) -> Any:
+        """Return what ``restore`` needs to go on from here; None without actors."""
+        if self.cast is None:
+            return None
+        return self.cast.save(), {name: each.save() for name, each in self.poses.items()}
+
+    def restore(self, saved: Any) -> None:
+        """Go on from where ``save`` was called, in this company or another of the same experiment."""
+        if self.cast is not None:
+            cast, poses = saved
+            self.cast.restore(cast)
+            for name, each in self.poses.items():
+                each.restore(poses[name])
+
+    def _states(self, stamp_ns: int) -> list[RobotState]:
+        """Return where the robots are at a knot [ns], and how fast."""
+        found = []
+        for name, made in self.experiments.items():
+            before, now = self.poses[name]([max(stamp_ns - KNOT_NS, 0), stamp_ns])
+            ahead = now[:3, 0]
+            speed = float((now[:3, 3] - before[:3, 3]) @ ahead) / (KNOT_NS / 1e9)
+            length, width, _ = made.rig.robot.outline
+            x, y, _ = now[:3, 3]
+            found.append(RobotState(x, y, math.atan2(ahead[1], ahead[0]), speed, math.hypot(length, width) / 2))
+        return found
 
     def add(self, name: str, motion: Motion) -> None:
         """Add the poses at the knots of a motion of a robot; before the next knot it may have rows of earlier ones."""
@@ -66,15 +163,21 @@ class Company:
 
     def meet(self, name: str, robot: SimulatedRobot, stamp_ns: int) -> None:
         """Put the others of a robot where they are at a knot [ns]."""
-        robot.meet({other: self.poses[other]([stamp_ns])[0] for other in self.experiments if other != name})
+        poses = {other: self.poses[other]([stamp_ns])[0] for other in self.experiments if other != name}
+        if self.cast is None:
+            robot.meet(poses)
+        else:
+            robot.meet(poses | self.cast.roots(stamp_ns), self.cast.twists(stamp_ns))
 
     def drive(self, advance: Advance | None = None) -> dict[str, Track]:
         """Plan all routes, and drive all robots to the ends of their drives; ``advance`` receives the time [s] driven.
 
         Raises:
             RouteError, DriveError: a robot, and why it cannot drive its route.
+            ConfigurationError: an actor cannot begin where it should.
         """
         drives = {name: self._at_start(name) for name in self.experiments}
+        self.begin(self._routes)
         left, stamp = list(drives), 0
         while left:
             for name in left:
@@ -83,15 +186,17 @@ class Company:
             for name in left:
                 with errors_of(name):
                     self.add(name, drives[name].go_on(stamp // STEP_NS))
+            self.step_actors(stamp)
             left = [name for name in left if not drives[name].ended]
             if advance is not None:
                 advance(KNOT_NS / 1e9)
+        self.end_actors(stamp)
         return {name: each.finish() for name, each in drives.items()}
 
     def _at_start(self, name: str) -> Drive:
         made = self.experiments[name]
         with errors_of(name):
-            route = plan_route(self.world, made)
+            route = self._routes[name] = plan_route(self.world, made)
             drive = Drive(self.world, made, route, others=self.others(name))
         drive.whole = KNOT_STEPS
         drive.limit(made.seconds)
@@ -101,8 +206,10 @@ class Company:
 
 @contextmanager
 def errors_of(name: str) -> Iterator[None]:
-    """Put the name of a robot before what is wrong with its route or drive."""
+    """Put the name of a robot, if it has one, before what is wrong with its route or drive."""
     try:
         yield
     except (RouteError, DriveError) as error:
+        if not name:
+            raise
         raise type(error)(f"{name}: {error}") from error

@@ -93,6 +93,7 @@ class Fleet:
             with errors_of(name):
                 frames[name] = each.reset()
             self._company.poses[name].restart(frames[name].pose)
+        self._company.begin({name: each.route for name, each in self.robots.items()})
         self._stamp_ns, self._begun, self._waiting = 0, True, {name: [] for name in self.robots}
         return frames
 
@@ -130,7 +131,14 @@ class Fleet:
         tracks = company.drive(advance)
         motions = {name: track.swept for name, track in tracks.items()}
         return {
-            name: Driven(company.experiments[name], self.world, track, moving=company.bodies(name), robots=motions)
+            name: Driven(
+                company.experiments[name],
+                self.world,
+                track,
+                moving=company.bodies(name),
+                robots=motions,
+                actors=company.actors,
+            )
             for name, track in tracks.items()
         }
 
@@ -155,6 +163,9 @@ class Fleet:
                 company.add(name, each.track.swept)
             except DriveError as error:
                 failed.append(error)
+        company.step_actors(self._stamp_ns)
+        if self.done:
+            company.end_actors(self._stamp_ns)
         if failed:
             raise failed[0]
 

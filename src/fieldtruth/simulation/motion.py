@@ -9,10 +9,11 @@ attitude, and the IMU of a track that was recorded from the physics reads what i
 IMU.
 """
 
+import math
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,8 @@ from fieldtruth.drive.track import (
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.simulation.company import KNOT_STEPS, Company
+from fieldtruth.sense.moving import KNOT_NS
+from fieldtruth.simulation.company import ALONE, KNOT_STEPS, Company
 from fieldtruth.world.model import Collider, World
 
 _STRIDE: Final = 10
@@ -303,6 +305,7 @@ class MotionState(NamedTuple):
     checkpoint: Checkpoint | None
     motion: Motion | None
     wheels: WheelMotion | None
+    company: Any = None
 
 
 class GrowingMotion(ABC):
@@ -354,13 +357,18 @@ class LiveMotion(GrowingMotion):
         endless: bool = False,
         company: Company | None = None,
     ) -> None:
-        name = experiment.namespace
-        self._drive = Drive(world, experiment, route, others=company.others(name) if company and name else None)
+        name = experiment.namespace or ALONE
+        self._drive = Drive(world, experiment, route, others=company.others(name) if company else None)
         self._drive.endless, self._drive.whole = endless, KNOT_STEPS if company else 1
         self._drive.limit(experiment.seconds)
         self._motion, self._wheels = self._drive.drive_to(0)
         self._start = pose_from_quaternion_wxyz(*self.robot.pose)
         self.reached_ns, self.end_ns = 0, self._drive.end * STEP_NS
+        self._company = company if name == ALONE else None
+        """Of a robot alone, whose actors move with it; a fleet moves those of several."""
+        if self._company is not None:
+            self._company.poses[ALONE].restart(self._start)
+            self._company.begin({ALONE: route})
 
     @property
     def robot(self) -> SimulatedRobot:
@@ -375,11 +383,29 @@ class LiveMotion(GrowingMotion):
     def advance(self, steps: int, command: Command | None, keep_ns: int) -> None:
         """Drive on towards a command, or those of the follower."""
         until = self.reached_ns // STEP_NS + steps
-        self._add(*self._drive.drive_to(int(min(until, self._drive.end)), command), keep_ns)
+        while self.robot.steps < (step := min(until, self._drive.end, self._next_knot())):
+            self._drive_to(int(step), command, keep_ns)
         self.end_ns = self._drive.end * STEP_NS
         self.reached_ns = int(min(until * STEP_NS, self.end_ns))
         if self.ended:  # the drive goes on until the last sweep is complete
+            if self._company is not None:
+                self._company.end_actors(int(self.end_ns))
             self._add(*self._drive.drive_to(2**62, command), keep_ns)
+
+    def _next_knot(self) -> float:
+        """Step of the next knot at which actors are met; infinite without any."""
+        return math.inf if self._company is None else (self.robot.steps // KNOT_STEPS + 1) * KNOT_STEPS
+
+    def _drive_to(self, step: int, command: Command | None, keep_ns: int) -> None:
+        """Drive to a step, at most to the next knot."""
+        company, stamp = self._company, step * STEP_NS
+        if company is not None and self.robot.steps % KNOT_STEPS == 0:
+            company.meet(ALONE, self.robot, self.robot.steps * STEP_NS)
+        motion, wheels = self._drive.drive_to(step, command)
+        self._add(motion, wheels, keep_ns)
+        if company is not None and step % KNOT_STEPS == 0:
+            company.add(ALONE, motion)
+            company.step_actors(stamp)
 
     def _add(self, motion: Motion, wheels: WheelMotion, keep_ns: int) -> None:
         first = int(np.searchsorted(self._motion.stamps_ns, keep_ns))
@@ -395,7 +421,8 @@ class LiveMotion(GrowingMotion):
 
     def save(self) -> MotionState:
         """Return what ``restore`` needs to go on from here."""
-        return MotionState(self.reached_ns, self._drive.save(), self._motion, self._wheels)
+        others = None if self._company is None else self._company.save()
+        return MotionState(self.reached_ns, self._drive.save(), self._motion, self._wheels, others)
 
     def restore(self, saved: MotionState) -> None:
         """Go on from where ``save`` was called."""
@@ -405,6 +432,9 @@ class LiveMotion(GrowingMotion):
         self._drive.restore(saved.checkpoint)
         self._motion, self._wheels = saved.motion, saved.wheels
         self.reached_ns, self.end_ns = saved.reached_ns, saved.checkpoint.end * STEP_NS
+        if self._company is not None:
+            self._company.restore(saved.company)
+            self._company.meet(ALONE, self.robot, saved.reached_ns // KNOT_NS * KNOT_NS)
 
 
 class GivenMotion(GrowingMotion):
@@ -455,4 +485,7 @@ def motion_of(
     """
     if given is None and experiment.frames is None and route is not None:
         return LiveMotion(world, experiment, route, endless=endless, company=company)
-    return GivenMotion(track_in(world, experiment, given))
+    track = track_in(world, experiment, given)
+    if company is not None:
+        company.follow(track.swept, int(track.motion.stamps_ns[-1]))
+    return GivenMotion(track)

@@ -15,6 +15,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fieldtruth.actors.cast import ActorStates
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, DriveError
@@ -36,7 +37,7 @@ from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.simulation.company import Company
+from fieldtruth.simulation.company import ALONE, Company
 from fieldtruth.simulation.due import DueReadings, Frame, frame_of, wanted_outputs
 from fieldtruth.simulation.first_run import compile_beside
 from fieldtruth.simulation.motion import (
@@ -98,13 +99,13 @@ def experiment_for(
     if world is not None:
         return _with_classes(found, world)
     check_experiment(found)
-    check_others(classes_of(found.environment, found.layout))
+    check_others(classes_of(found.environment, found.layout, actors=bool(found.actors)))
     return found
 
 
 def _with_classes(experiment: Experiment, world: World) -> Experiment:
     """Return the experiment with the classes of a world that is given, so that readers of its bag know them."""
-    known = classes_of(experiment.environment, experiment.layout)
+    known = classes_of(experiment.environment, experiment.layout, actors=bool(experiment.actors))
     if {*world.classes.coloured} <= {*known.coloured}:
         return experiment
     layout = experiment.layout | {CLASSES_KEY: as_layout(world.classes)}
@@ -135,9 +136,11 @@ class Driven:
     reuse: bool = field(default=False, kw_only=True)
     """True if the arrays of a reading may be overwritten by the next one."""
     moving: Sequence[MovingBody] = field(default=(), kw_only=True)
-    """The other robots of the experiment."""
+    """The other robots and the actors of the experiment."""
     robots: Mapping[str, Motion] = field(default_factory=dict, kw_only=True)
     """Motions of all robots of an experiment that has several."""
+    actors: ActorStates | None = field(default=None, kw_only=True)
+    """Motions of the actors."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
@@ -290,6 +293,11 @@ class Simulation:
         return self._ready()[1].known()
 
     @property
+    def route(self) -> RouteConfig | None:
+        """The route that was planned; None along given poses, and before the first ``reset``."""
+        return self._route
+
+    @property
     def track_file(self) -> TrackFile | None:
         """The poses that the experiment follows, if it has a track file."""
         return self._given.track
@@ -303,28 +311,39 @@ class Simulation:
             RouteError, TrackError: no route, poses or free ground to stand on.
             DriveError: the robot cannot drive this route.
         """
-        track = track_in(self.world, self._experiment, self._given.track, advance)
-        return Driven(self._experiment, self.world, track, scene=self._own_scene)
+        made, world, company = self._experiment, self.world, self.company
+        if company is None:
+            return Driven(made, world, track_in(world, made, self._given.track, advance), scene=self._own_scene)
+        if self._given.track is None:
+            track = company.drive(advance)[ALONE]
+        else:
+            track = track_in(world, made, self._given.track, advance)
+            company.follow(track.swept, int(track.motion.stamps_ns[-1]))
+        return Driven(made, world, track, moving=company.bodies(ALONE), actors=company.actors)
 
     def _built(self) -> SensorWorld:
         """Return the world with its scene and light; it is built at the first use."""
         if self._sensor_world is None:
-            company, name = self.company, self._experiment.namespace
-            if self._experiment.robots and (company is None or name is None):
-                robots = ", ".join(self._experiment.robots)
-                raise ConfigurationError(f"{self._experiment.name} has several robots ({robots}), which a Fleet drives")
+            made = self._experiment
+            if made.robots and (self.company is None or made.namespace is None):
+                robots = ", ".join(made.robots)
+                raise ConfigurationError(f"{made.name} has several robots ({robots}), which a Fleet drives")
+            if made.actors and not made.robots:
+                self.company = Company(made, self._world_alone)
             self._route = None
             read = {name.partition("/")[0] for name in self.wanted}
             rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
-            world, moving = self._own_world, list[MovingBody]()
-            if company is not None and name is not None:
-                world, moving = company.world, company.bodies(name)
-            world = world_of(self._experiment) if world is None else world
-            self._sensor_world = sensor_world_of(
-                self._experiment, world, self._own_scene, workers=cpu_count(), moving=moving
-            )
+            company, scene = self.company, self._own_scene
+            world, moving = self._world_alone() if company is None else company.world, list[MovingBody]()
+            if company is not None:
+                moving, scene = company.bodies(made.namespace or ALONE), None
+            self._sensor_world = sensor_world_of(made, world, scene, workers=cpu_count(), moving=moving)
         return self._sensor_world
+
+    def _world_alone(self) -> World:
+        """Return the world without robots and actors."""
+        return world_of(self._experiment) if self._own_world is None else self._own_world
 
     def prepare(self) -> None:
         """Build the scene, and the light if a sensor needs it, for which the first reading would wait."""

@@ -4,7 +4,7 @@
 
 import heapq
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
@@ -20,8 +20,10 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin, origin_of_world
 from fieldtruth.drive.track import Motion, State, state_at
+from fieldtruth.experiment.actor_config import LABELS, actor_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Topic
@@ -160,9 +162,16 @@ class Context:
             return Movers()
 
     @property
-    def moving(self) -> tuple[str, ...]:
-        """Names of all that may move, beside the robot in the first row."""
-        return tuple(dict.fromkeys([*self.robots, *(mover.name for mover in self.movers)]))
+    def actors(self) -> tuple[str, ...]:
+        """Names of the actors of the experiment."""
+        return () if self.experiment is None else tuple(name for name, _ in actor_names(self.experiment.actors))
+
+    @cached_property
+    def moving(self) -> Mapping[str, tuple[Label, ...]]:
+        """Classes of all that may move, beside the robot in the first row, by name."""
+        robots = dict.fromkeys(self.robots, (Label.ROBOT,))
+        given = {} if self.experiment is None else self.experiment.actors
+        return robots | {name: LABELS[given[key].kind] for name, key in actor_names(given)}
 
     @property
     def rig(self) -> Rig:

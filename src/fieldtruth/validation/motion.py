@@ -341,6 +341,7 @@ class Commands(Checker):
         experiment = context.experiment
         if experiment is None:
             return
+        self._yields = experiment.control.yield_to is not None
         if not (self._attitude.enabled and self._position.enabled):
             self._tally.skipped = "the IMU or the GNSS receiver that steers the robot is not enabled"
             return
@@ -364,7 +365,10 @@ class Commands(Checker):
             base_from_sensor = self._attitude.mount.base_from_sensor[:3, :3]
             self._heading = raw.stamp_ns, float(transforms.yaw_from_rotation(world_from_sensor @ base_from_sensor.T))
         elif self._heading[0] == raw.stamp_ns:
-            due, found = follower.command(self._heading[1]), (message.linear.x, message.angular.z)
+            found = message.linear.x, message.angular.z
+            due = np.array(follower.command(self._heading[1]))
+            if self._yields and due[0] > 0:  # by a share of the command, which depends on what is ahead
+                due *= min(max(found[0] / due[0], 0.0), 1.0)
             self._tally[COMMAND].measure(float(np.abs(np.subtract(due, found)).max()), at(raw))
 
     def _see_start(self) -> None:

@@ -131,7 +131,7 @@ class MovingObjects(Checker):
             in_box = np.einsum("nji,nj->ni", turned, world - pose[:, :3]) - mover.centre
             outside = np.linalg.norm(np.maximum(np.abs(in_box) - mover.size / 2, 0.0), axis=1)
             where = partial(_point_at, raw, mover.name, chosen)
-            part[INSIDE].measure_all(outside, where)
+            part[INSIDE].measure_all(np.maximum(outside - mover.reach, 0.0), where)
         return [part]
 
 

@@ -24,7 +24,7 @@ from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class
-from fieldtruth.validation import files, motion, movers, streams, world
+from fieldtruth.validation import files, motion, movers, moving, streams, world
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile, OtherFile
@@ -62,7 +62,13 @@ SPECS: Final[tuple[Spec, ...]] = (
 """All checks, in the order of the output."""
 _NOT_IDEAL: Final = (streams.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
 """Checks of a run with sensors that are not ideal."""
-ALL_SPECS: Final = (*SPECS, movers.MOVING_OBJECTS, *_NOT_IDEAL, *(spec for kind in CHECKS for spec in kind.extras))
+ALL_SPECS: Final = (
+    *SPECS,
+    movers.MOVING_OBJECTS,
+    moving.ACTORS,
+    *_NOT_IDEAL,
+    *(spec for kind in CHECKS for spec in kind.extras),
+)
 """All checks, those of runs with sensors that are not ideal, and of what some runs only have, included."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
@@ -110,6 +116,7 @@ def validate(
     specs = (
         *SPECS,
         *[movers.MOVING_OBJECTS] * bool(context.movers),
+        *[moving.ACTORS] * bool(context.actors),
         *_NOT_IDEAL * real,
         *(spec for kind in CHECKS for spec in kind.extras_of(context)),
         *[OTHER_SENSORS] * _has_other_sensors(context),
@@ -128,7 +135,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     checkers: list[Checker] = [
         streams.Stamps(context), streams.Headers(context), motion.Mounts(context, calibration),
         movers.MovingObjects(context, points), motion.ModelStates(context), motion.Poses(context),
-        motion.Drive(context), world.WorldObjects(context),
+        moving.ActorMotion(context), motion.Drive(context), world.WorldObjects(context),
         *(checker for kind in CHECKS for checker in kind.make(shared)), motion.Commands(context),
         streams.Clocks(context), shared.objects,
     ]  # fmt: skip

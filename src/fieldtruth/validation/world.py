@@ -167,10 +167,8 @@ class ObjectClasses(Checker):
             allowed[ROBOT_ID] = np.arange(N_CLASSES) == Label.SKY
             allowed[ROBOT_ID, Label.ROBOT] = self._context.rig.visible
             allowed[ROBOT_ID, Label.PARTICLE] = self._context.has_weather
-            for row in (row for row, name in enumerate(names) if name in self._context.robots):
-                allowed[row] = np.arange(N_CLASSES) == Label.ROBOT
-            for mover in self._context.movers:
-                allowed[mover.object_id] = np.arange(N_CLASSES) == mover.label
+            for row in (row for row, name in enumerate(names) if name in self._context.moving):
+                allowed[row] = np.isin(np.arange(N_CLASSES), self._context.moving[names[row]])
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names, self._context.run.classes)

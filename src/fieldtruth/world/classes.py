@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 from pydantic import Field, ValidationError, field_validator
 
-from fieldtruth.core.classes import CLASSES, OF_MAPS, ClassTable, SemanticClass, as_key
+from fieldtruth.core.classes import CLASSES, OF_ACTORS, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
 from fieldtruth.world.environments import PAPER
 
@@ -99,17 +99,18 @@ def _far_from(taken: list[tuple[int, int, int]]) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def classes_of(environment: str, layout: Mapping[str, Any]) -> ClassTable:
-    """Return the classes that a world of an environment may have, with those of its layout.
+def classes_of(environment: str, layout: Mapping[str, Any], *, actors: bool = False) -> ClassTable:
+    """Return the classes that a world of an environment may have, with those of its layout, and of actors.
 
     Buildings and fences come to the paper's environments with objects, or in a world that is given: its classes are in
-    the layout, even if it is empty.
+    the layout, even if it is empty. So do classes of actors to all environments.
 
     Raises:
         ConfigurationError: classes that are not allowed.
     """
-    only_ours = environment in PAPER and not layout.get("objects") and CLASSES_KEY not in layout
-    return with_own(layout, CLASSES.without(*OF_MAPS) if only_ours else CLASSES)
+    only_ours = not layout.get("objects") and CLASSES_KEY not in layout
+    maps = OF_MAPS if only_ours and environment in PAPER else frozenset[Label]()
+    return with_own(layout, CLASSES.without(*maps, *(OF_ACTORS if only_ours and not actors else ())))
 
 
 def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES, source: str = "layout") -> ClassTable:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_MAPS, ClassTable, Label, SemanticClass, as_key
+from fieldtruth.core.classes import CLASSES, GROUND_ID, OF_ACTORS, OF_MAPS, ClassTable, Label, SemanticClass, as_key
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError, nearest_first
 from fieldtruth.core.geodesy import PAPER_ORIGIN, Origin
 from fieldtruth.world.classes import with_own
@@ -372,7 +372,8 @@ class World:
     @cached_property
     def classes(self) -> ClassTable:
         """Those of ours that any world may have or that its materials have, and those of its layout."""
-        return with_own(self.layout).without(*OF_MAPS - {material.label for material in self.materials.values()})
+        present = {material.label for material in self.materials.values()}
+        return with_own(self.layout).without(*(OF_MAPS | OF_ACTORS) - present)
 
     def water_at(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height [m] of the water's surface at world x, y [m]; far below the ground where it is dry."""

@@ -64,8 +64,7 @@ def write_map(
     """
     target = check_map(f"{world.name}_{world.seed}", out, to=to, overwrite=overwrite)
     wanted, grid = check_layers(layers, resolution, to), grid_of(world, resolution, area)
-    sources = [each.source for names, each in FILTERS.items() if {*names} & {*wanted}]
-    stored, progress = list(dict.fromkeys([*wanted, *sources])), progress or Silent()
+    stored, progress = _with_sources(wanted), progress or Silent()
     with output_errors(target):
         check_size(target, to, grid, *([LAYERS[name].dtype for name in names] for names in (stored, wanted)))
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -82,6 +81,21 @@ def write_map(
                 if overwrite:
                     remove(target)
     return target
+
+
+def map_layers(world: World, grid: Grid, layers: Sequence[str], workers: int) -> Layers:
+    """Return some layers of a map, in memory."""
+    stored = _with_sources(layers)
+    values: Layers = {name: np.empty(grid.shape, LAYERS[name].dtype) for name in stored}
+    _fill_columns(WorldColumns(world, grid), grid, values, workers)
+    _fill_filters(grid, values)
+    return {name: values[name] for name in layers}
+
+
+def _with_sources(layers: Sequence[str]) -> list[str]:
+    """Return layers, and those that they follow from."""
+    sources = [each.source for names, each in FILTERS.items() if {*names} & {*layers}]
+    return list(dict.fromkeys([*layers, *sources]))
 
 
 def check_map(stem: str, out: Path | str | None = None, *, to: str, overwrite: bool = False) -> Path:

@@ -17,6 +17,7 @@ from rosbags.typesys.stores import ros1_noetic as noetic
 
 from fieldtruth.bag.messages import WORLD, header, register, serialize
 from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.arrays import Mask
 from fieldtruth.core.geodesy import Origin
 from fieldtruth.experiment.sensor_config import Topic
 from fieldtruth.kernels.columns import LOW
@@ -164,14 +165,19 @@ def _matrix(values: NDArray[Any]) -> Any:
 
 
 def _write_npz(made: MadeMap, target: Path) -> None:
-    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, ``origin``, and names by number."""
+    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, ``origin``, ``world``, and names by number."""
     names = {key: np.array([table.get(k, "") for k in range(max(table) + 1)]) for key, table in made.names.items()}
     x0, y0, resolution, _ = made.grid
     with target.open("wb") as file:
         grid = {"x0": np.float64(x0), "y0": np.float64(y0), "resolution": np.float64(resolution)}
-        np.savez_compressed(
-            file, allow_pickle=False, **made.layers, **names, **grid, origin=np.array(made.world.origin)
-        )
+        world = {"origin": np.array(made.world.origin), "world": np.array(identity(made.world))}
+        np.savez_compressed(file, allow_pickle=False, **made.layers, **names, **grid, **world)
+
+
+def identity(world: World) -> str:
+    """Return a text that differs between worlds: name, seed, size and number of objects."""
+    count = len(world.instances) + sum(len(each.mesh) for each in world.swarms)
+    return f"{world.name} with seed {world.seed}, {world.size[0]:g} m x {world.size[1]:g} m, {count} objects"
 
 
 def _write_pgm(made: MadeMap, target: Path) -> None:
@@ -183,18 +189,24 @@ def _write_pgm(made: MadeMap, target: Path) -> None:
         file.write(b"P5\n%d %d\n255\n" % (columns, rows))
         for first, last in _blocks(rows):
             own = slice(rows - last, rows - first)
-            occupied = layers["obstacle"][:, own] > 0
-            occupied |= (layers["step_height"][:, own] > LOW) | (layers["water_depth"][:, own] > LOW)
+            occupied = is_occupied({name: values[:, own] for name, values in layers.items()})
             file.write(np.where(occupied, _OCCUPIED, _FREE).astype(np.uint8).T[::-1].tobytes())
     text = {"image": "map.pgm", "mode": "trinary", "resolution": grid.resolution, "origin": [grid.x0, grid.y0, 0.0]}
     text |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.25}
     (target / ABOUT).write_text(yaml.safe_dump(text, sort_keys=False), encoding="utf-8")
 
 
+def is_occupied(layers: Layers) -> Mask:
+    """Return whether cells hold an obstacle, or a step or water of more than 0.1 m; ``OCCUPYING`` names the layers."""
+    occupied: Mask = (layers["obstacle"] > 0) | (layers["step_height"] > LOW) | (layers["water_depth"] > LOW)
+    return occupied
+
+
+OCCUPYING: Final = ("obstacle", "step_height", "water_depth")
 FORMATS: Final = {
     "geotiff": Format(_write_geotiff, "_map", library="rasterio"),
     "grid_map": Format(_write_grid_map, "_map.bag", most_bytes=1e9),  # TCPROS refuses longer messages
     "npz": Format(_write_npz, "_map.npz"),
-    "pgm": Format(_write_pgm, "_nav2", ("obstacle", "step_height", "water_depth")),
+    "pgm": Format(_write_pgm, "_nav2", OCCUPYING),
 }
 """By name."""

@@ -1,0 +1,330 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The actors of an experiment in its world: where each is at the knots of the simulated time, and its parts.
+
+A cast that plays is one knot ahead of the robots: from where they are at a knot it finds where its actors are at the
+next. So sensors know their motion up to there, and between two knots all move on straight lines (``sense.moving``).
+Between knots, the root's position changes linearly, and its quaternion is the normalised mean of those at the knots.
+"""
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from io import BytesIO
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.actors.behaviour import Member, RobotState
+from fieldtruth.actors.crowd import Crowd
+from fieldtruth.actors.figure import Figure, Gait
+from fieldtruth.actors.kinds import KINDS
+from fieldtruth.actors.shapes import TEXTURE
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.random import rng_of
+from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
+from fieldtruth.experiment.actor_config import actor_names
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.sense.moving import KNOT_NS, MovingBody
+from fieldtruth.world.model import Collider, Heightfield, World
+
+_SECONDS: Final = KNOT_NS / 1e9
+
+
+def figures_of(experiment: Experiment) -> dict[str, Figure]:
+    """Return the bodies of the actors of an experiment by name."""
+    return {
+        name: KINDS[experiment.actors[key].kind].figure(name, rng_of(experiment.seed, "actor", name, "figure"))
+        for name, key in actor_names(experiment.actors)
+    }
+
+
+class Actor:
+    """An actor: its figure, and the poses of its root and the values of its joints at the knots that are known."""
+
+    def __init__(self, name: str, figure: Figure) -> None:
+        self.name, self.figure = name, figure
+        self.roots: list[Array] = []
+        """world_from_root (4, 4) at each knot."""
+        self.joints: list[Array] = []
+        """Values (joints,) at each knot."""
+        self._last: tuple[bytes, Array] = (b"", np.zeros((0, 0, 4, 4)))
+
+    def add(self, root: Array, joints: Array) -> None:
+        """Add the next knot."""
+        self.roots.append(root)
+        self.joints.append(joints)
+
+    def parts(self, knots_ns: ArrayLike) -> Array:
+        """Return world_from_part (n, parts, 4, 4) at knots (n,) [ns]; behind the last one, those of the last."""
+        numbers = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self.roots) - 1)
+        key, (known, poses) = numbers.tobytes(), self._last  # one tuple: threads may ask at once
+        if key != known:
+            rows = numbers.tolist()
+            poses = self.figure.poses(np.array([self.roots[k] for k in rows]), np.array([self.joints[k] for k in rows]))
+            self._last = key, poses
+        return poses
+
+    def forget(self, knots: int) -> None:
+        """Forget all but the first knots."""
+        del self.roots[knots:], self.joints[knots:]
+        self._last = b"", self._last[1]
+
+    def bodies(self, object_id: int) -> list[MovingBody]:
+        """Return its parts as bodies that move."""
+
+        def pose_of(part: int) -> Callable[[NDArray[np.int64]], Array]:
+            return lambda knots: np.asarray(self.parts(knots)[:, part])
+
+        return [
+            MovingBody(name=mesh.name, object_id=object_id, mesh=mesh, pose=pose_of(part))
+            for part, mesh in enumerate(self.figure.parts)
+        ]
+
+
+class Heights:
+    """Heights [m] of a heightfield at single points, in a tenth of the time of ``height_at``."""
+
+    def __init__(self, field: Heightfield) -> None:
+        self._heights, self._x0, self._y0, self._per_m = field.heights, field.x0, field.y0, 1.0 / field.spacing
+        self._last = field.heights.shape[0] - 1, field.heights.shape[1] - 1
+
+    def __call__(self, x: float, y: float) -> float:
+        """Return the height [m] at x, y [m]; outside the grid that of its edge."""
+        u = min(max((x - self._x0) * self._per_m, 0.0), self._last[0])
+        v = min(max((y - self._y0) * self._per_m, 0.0), self._last[1])
+        i, j = min(int(u), self._last[0] - 1), min(int(v), self._last[1] - 1)
+        fu, fv, at = u - i, v - j, self._heights.item
+        low, high = at(i, j), at(i + 1, j + 1)
+        corner = at(i + 1, j) if fu >= fv else at(i, j + 1)
+        first, second = max(fu, fv), min(fu, fv)
+        return float(low + first * (corner - low) + second * (high - corner))
+
+
+class _Pickler(pickle.Pickler):
+    """Stores gaits without what they refer to and never changes."""
+
+    def __init__(self, file: BytesIO, known: Sequence[object]) -> None:
+        super().__init__(file)
+        self._rows = {id(each): row for row, each in enumerate(known)}
+
+    def persistent_id(self, obj: object) -> int | None:
+        """Return the row of what is known; None of all else."""
+        return self._rows.get(id(obj))
+
+
+class _Unpickler(pickle.Unpickler):
+    """Reads gaits of ``_Pickler``; only states that this process or its user made are read."""
+
+    def __init__(self, file: BytesIO, known: Sequence[object]) -> None:
+        super().__init__(file)
+        self._known = known
+
+    def persistent_load(self, pid: int) -> object:
+        """Return what is known."""
+        return self._known[pid]
+
+
+class CastState(NamedTuple):
+    """State of a cast, for ``Cast.restore``."""
+
+    motion: list[tuple[list[Array], list[Array]]]
+    """Roots and joints of each."""
+    crowd: Any
+    gaits: list[bytes]
+
+
+class Cast:
+    """The actors of an experiment.
+
+    Args:
+        experiment: with actors.
+        world: that of the robots, which does not know the actors.
+
+    Raises:
+        ConfigurationError: an object of the world has the name of an actor.
+    """
+
+    def __init__(self, experiment: Experiment, world: World) -> None:
+        self._experiment, self._seed = experiment, experiment.seed
+        named = figures_of(experiment)
+        if taken := [name for name in named if name in world.object_names]:
+            raise ConfigurationError(f"actors.{taken[0]}: an object of the world {world.name} has this name")
+        self.actors = {name: Actor(name, figure) for name, figure in named.items()}
+        figures = list(named.values())
+        self.world = replace(
+            world,
+            materials={**world.materials, **{k: v for figure in figures for k, v in figure.materials.items()}},
+            textures={**world.textures, TEXTURE: np.full((1, 1, 3), 255, np.uint8)},
+            object_names=(*world.object_names, *self.actors),
+        )
+        """The world with the materials and instance ids of the actors."""
+        self._ground = Heights(world.terrain.field)
+        self._crowd: Crowd | None = None
+        self._gaits: list[Gait] = []
+
+    @property
+    def colliders(self) -> dict[str, tuple[Collider, ...]]:
+        """What robots hit, by name, in the root's frame."""
+        return {name: actor.figure.colliders for name, actor in self.actors.items()}
+
+    def bodies(self) -> list[MovingBody]:
+        """Return the parts of all actors."""
+        names = self.world.object_names
+        return [body for name, actor in self.actors.items() for body in actor.bodies(names.index(name))]
+
+    def begin(self, way: Array, robots: Sequence[RobotState]) -> None:
+        """Put all actors where they begin at time 0, and find where they are at the first knot.
+
+        Args:
+            way: (n, 2) [m] that the robots are expected to drive.
+            robots: at time 0.
+
+        Raises:
+            ConfigurationError: an actor cannot begin where it should.
+        """
+        figures, configs = [each.figure for each in self.actors.values()], self._experiment.actors
+        members = [
+            Member(
+                name,
+                configs[key],
+                figure.radius,
+                configs[key].speed or figure.speed,
+                figure.top_speed,
+                figure.turn_radius,
+                figure.flies,
+                key if configs[key].together else "",
+            )
+            for (name, key), figure in zip(actor_names(configs), figures, strict=True)
+        ]
+        self._crowd = Crowd(self.world, members, seed=self._seed, way=way, robots=robots)
+        self._gaits = [
+            KINDS[member.config.kind].gait(
+                figure, placement, self._ground, rng_of(self._seed, "actor", member.name, "gait")
+            )
+            for member, figure, placement in zip(members, figures, self._crowd.placements, strict=True)
+        ]
+        for actor in self.actors.values():
+            actor.forget(0)
+        self._add()
+        self.step(robots)
+
+    def step(self, robots: Sequence[RobotState]) -> None:
+        """Find where all are one knot later, from where the robots are at the last knot but one."""
+        assert self._crowd is not None
+        self._crowd.step(robots)
+        self._add()
+
+    def _add(self) -> None:
+        assert self._crowd is not None
+        for actor, gait, placement in zip(self.actors.values(), self._gaits, self._crowd.placements, strict=True):
+            actor.add(*gait.step(placement))
+
+    @property
+    def known_ns(self) -> int:
+        """Last knot [ns] that is known; -1 before the first."""
+        return (len(next(iter(self.actors.values())).roots) - 1) * KNOT_NS if self._crowd else -1
+
+    def end(self, knot_ns: int) -> None:
+        """Let all stand from a knot [ns] on."""
+        for actor in self.actors.values():
+            actor.forget(knot_ns // KNOT_NS + 1)
+
+    def roots(self, knot_ns: int) -> dict[str, Array]:
+        """Return world_from_root (4, 4) of all by name at a knot [ns]."""
+        return {name: actor.roots[min(knot_ns // KNOT_NS, len(actor.roots) - 1)] for name, actor in self.actors.items()}
+
+    def twists(self, knot_ns: int) -> dict[str, Array]:
+        """Return velocity [m/s] and turn rate [rad/s] in the world, (6,) by name, from a knot [ns] to the next."""
+        before, after = self.roots(knot_ns), self.roots(knot_ns + KNOT_NS)
+        return {name: twist_between(before[name][None], after[name][None])[0] for name in self.actors}
+
+    def save(self) -> CastState:
+        """Return what ``restore`` needs to go on from here."""
+        assert self._crowd is not None
+        motion = [(list(actor.roots), list(actor.joints)) for actor in self.actors.values()]
+        known = self._known()
+        gaits = list[bytes]()
+        for gait in self._gaits:
+            stored = BytesIO()
+            _Pickler(stored, known).dump(gait)
+            gaits.append(stored.getvalue())
+        return CastState(motion, self._crowd.save(), gaits)
+
+    def _known(self) -> list[object]:
+        """Return what gaits refer to and do not change."""
+        return [self._ground, *(actor.figure for actor in self.actors.values())]
+
+    def restore(self, saved: CastState) -> None:
+        """Go on from where ``save`` was called, in this cast."""
+        assert self._crowd is not None
+        self._crowd.restore(saved.crowd)
+        known = self._known()
+        self._gaits = [_Unpickler(BytesIO(stored), known).load() for stored in saved.gaits]
+        for actor, (roots, joints) in zip(self.actors.values(), saved.motion, strict=True):
+            actor.forget(0)
+            actor.roots, actor.joints = list(roots), list(joints)
+
+
+def twist_between(before: Array, after: Array) -> Array:
+    """Velocity [m/s] and turn rate [rad/s] in the world, (n, 6), between poses (n, 4, 4) of one knot and the next."""
+    turned = Rotation.from_matrix(after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
+    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], turned], axis=1) / _SECONDS
+
+
+class ActorStates:
+    """Poses and twists of actors at any stamp, for /gazebo/model_states, and their joints at knots.
+
+    Args:
+        actors: by name, whose motion is known.
+    """
+
+    def __init__(self, actors: Mapping[str, Actor]) -> None:
+        self.names = tuple(actors)
+        self.joint_names = tuple(
+            f"{name}/{joint.name}" for name, each in actors.items() for joint in each.figure.joints
+        )
+        self.actors = actors
+        self._interval: tuple[int, Array, Array, Array] | None = None
+
+    def digest(self) -> list[Array]:
+        """Return all that is known, as the key of what is made of it."""
+        return [np.array(values) for each in self.actors.values() for values in (each.roots, each.joints)]
+
+    def at(self, stamp_ns: int) -> tuple[Array, Array]:
+        """Return poses (actors, 7), position and quaternion_xyzw, and twists (actors, 6) at a stamp [ns].
+
+        A twist is that of the interval that ends at the stamp or contains it.
+        """
+        number = max(-(-stamp_ns // KNOT_NS), 1)
+        known = self._interval  # one tuple: threads may ask at once
+        if known is None or known[0] != number:
+            known = self._interval = number, *self._between(number)
+        _, before, after, twists = known
+        share = stamp_ns / KNOT_NS - (number - 1)
+        poses = before + share * (after - before)
+        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        return poses, twists
+
+    def _between(self, number: int) -> tuple[Array, Array, Array]:
+        """Return poses at the knot before and at this one, quaternions nearest to each other, and the twists."""
+        every = list(self.actors.values())
+        roots = [np.array([each.roots[min(k, len(each.roots) - 1)] for each in every]) for k in (number - 1, number)]
+        before, after = (
+            np.concatenate([each[:, :3, 3], quaternion_wxyz_from_rotation(each[:, :3, :3])[:, [1, 2, 3, 0]]], axis=1)
+            for each in roots
+        )
+        after[:, 3:] *= np.where(np.einsum("ij,ij->i", before[:, 3:], after[:, 3:]) < 0, -1.0, 1.0)[:, None]
+        return before, after, twist_between(*roots)
+
+    def joints(self, knots_ns: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return values and speeds (n, joints) at knots (n,) [ns]; a speed is that of the interval before."""
+        rows = knots_ns // KNOT_NS
+        every = [np.array(each.joints) for each in self.actors.values()]
+        values, before = (
+            np.concatenate([each[np.clip(k, 0, len(each) - 1)] for each in every], axis=1) for k in (rows, rows - 1)
+        )
+        return values, (values - before) / _SECONDS

@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Actors beside a robot: seen at each ray's own instant, equal however the drive is cut, hit, and waited for."""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sense_worlds import make_world
+
+from fieldtruth import pipeline
+from fieldtruth.bag import topics
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.reader import decoder, open_bag
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError, DriveError
+from fieldtruth.core.readings import Cloud
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import dump_experiment, parse_experiment, validated
+from fieldtruth.simulation.fleet import Fleet
+from fieldtruth.simulation.stepped import Simulation
+from fieldtruth.world.model import World
+
+LIDAR = {"kind": "lidar", "columns": 256, "rings": 32, "max_range": 30.0, "spinning": True}
+RIG: dict[str, Any] = {"sensors": [{"kind": "imu"}, {"kind": "gnss"}, LIDAR]}
+ROUTE = {"metres": {"start": (0.0, 0.0), "waypoints": [(8.0, 0.0)]}}
+CROSSER = {"kind": "person", "script": [{"at_s": 0.0, "xy": (3.0, -1.4)}, {"at_s": 2.0, "xy": (3.0, 1.4)}]}
+"""At 1.4 m/s over the way of the robot."""
+BY_CHANCE = {"kind": "person", "behaviour": "wander", "start": (4.0, 3.0)}
+
+
+def acted(actors: dict[str, Any], **values: Any) -> Experiment:
+    given = {"name": "acted", "environment": "park", "rig": RIG, "route": ROUTE, "actors": actors}
+    return Experiment.model_validate(given | values)
+
+
+@pytest.fixture(name="world", scope="module")
+def _world() -> World:
+    return make_world()
+
+
+def clouds_of(simulation: Simulation, steps: list[float]) -> list[Cloud]:
+    simulation.reset()
+    found: list[Cloud] = []
+    for seconds in steps:
+        found += simulation.step(seconds).all.get("lidar", ())
+    return found
+
+
+def alike(one: Cloud, other: Cloud) -> bool:
+    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
+
+
+def test_points_lie_on_a_walker_where_its_script_has_it_at_their_instants(world: World) -> None:
+    """Each column of a scan meets it 1.4 mm farther than the one before; a body that stood would be 14 cm off."""
+    simulation = Simulation(acted({"anna": CROSSER}, seconds=1.5, control={"speed": 0.01}), world=world)
+    cloud = clouds_of(simulation, [1.5])[9]
+    own = cloud.label == Label.PERSON
+    assert cloud.instance is not None
+    assert cloud.t_ns is not None
+    assert set(cloud.instance[own]) == {simulation.world.object_names.index("anna")}
+    assert np.count_nonzero(own) > 100
+    mount = simulation.experiment.rig.sensors[2].mount.base_from_sensor  # type: ignore[attr-defined]
+    points = np.c_[cloud.xyz[own], np.ones(np.count_nonzero(own))] @ (simulation.robot.world_from_base @ mount).T
+    at = -1.4 + 1.4 * (cloud.stamp_ns + cloud.t_ns[own]) / 1e9
+    aside = points[:, 1] - at
+    assert abs(np.median(aside)) < 0.06
+    assert np.abs(aside).max() < 0.6  # arms and legs that swing along its way
+    assert np.abs(points[:, 0] - 3.0).max() < 0.35
+    assert points[:, 2].max() < 2.0
+
+
+def test_steps_of_any_length_give_the_readings_of_a_run(world: World, tmp_path: Path) -> None:
+    experiment = acted({"anna": CROSSER, "ben": BY_CHANCE}, seconds=0.55)
+    one = clouds_of(Simulation(experiment, world=world), [0.55])
+    other = clouds_of(Simulation(experiment, world=world), [0.003, 0.1, 0.017, 0.23, 0.2])
+    run = open_run(pipeline.generate(experiment, tmp_path, world=world, workers=2).parent)
+    assert len(one) == len(other) == len(run["lidar"]) == 5
+    assert all(map(alike, one, other))
+    assert all(map(alike, one, run["lidar"]))
+    assert parse_experiment(dump_experiment(experiment)) == experiment
+
+
+def test_going_back_gives_the_same_again(world: World) -> None:
+    experiment = acted({"anna": CROSSER, "ben": BY_CHANCE}, seconds=3.0)
+    simulation = Simulation(experiment, world=world)
+    clouds_of(simulation, [0.215])
+    state = pickle.loads(pickle.dumps(simulation.save()))
+    after = simulation.step(0.3).all["lidar"]
+    simulation.restore(state)
+    assert all(map(alike, simulation.step(0.3).all["lidar"], after))
+    another = Simulation(experiment, world=world)
+    another.restore(state)
+    assert all(map(alike, another.step(0.3).all["lidar"], after))
+
+
+def test_bag_has_poses_and_joints_of_actors(world: World, tmp_path: Path) -> None:
+    """Between two knots the root is on the straight line of the script; a wrong sign or stamp is centimetres off."""
+    bag = pipeline.generate(acted({"anna": CROSSER}, seconds=0.4), tmp_path, world=world, workers=1)
+    reader, joints = ModelStatesReader(), []
+    with open_bag(bag) as stored:
+        decode = decoder(stored)
+        for raw in stored.messages([topics.MODEL_STATES]):
+            row = reader.row(raw.data, "anna")
+            pose, twist = reader.poses(raw.data)[row], reader.twists(raw.data)[row]
+            np.testing.assert_allclose(pose[:2], [3.0, -1.4 + 1.4 * raw.stamp_ns / 1e9], atol=1e-9)
+            np.testing.assert_allclose(twist[:2], [0.0, 1.4], atol=1e-6)
+        joints = [decode(raw) for raw in stored.messages([topics.ACTOR_JOINTS])]
+    assert len(joints) == 40
+    assert all(name.startswith("anna/") for name in joints[0].name)
+    values, speeds = (np.array([getattr(each, key) for each in joints]) for key in ("position", "velocity"))
+    np.testing.assert_allclose(np.diff(values, axis=0), 0.01 * speeds[1:], atol=1e-9)
+    assert np.ptp(values, axis=0).max() > 0.1  # legs swing
+
+
+def test_robot_that_does_not_yield_hits_one_who_stands_in_its_way(world: World) -> None:
+    stander = {"kind": "person", "script": [{"at_s": 0.0, "xy": (3.0, 0.0)}]}
+    simulation = Simulation(acted({"anna": stander}, control={"speed": 1.0}), world=world, sensors=["imu"])
+    simulation.reset()
+    with pytest.raises(DriveError, match=r"robot touched anna at \d\.\d\d s"):
+        simulation.step(10.0)
+    gap = 3.0 - simulation.robot.pose[0][0] - simulation.experiment.rig.robot.outline[0] / 2
+    assert 0.1 < gap < 0.5  # the radius of a person
+
+
+def test_robot_that_yields_waits_until_its_way_is_free(world: World) -> None:
+    """One who stands in the way for 6 s and then goes aside."""
+    points = [(0.0, (3.0, 0.0)), (6.0, (3.0, 0.0)), (8.0, (3.0, 3.0))]
+    stander = {"kind": "person", "script": [{"at_s": at, "xy": xy} for at, xy in points]}
+    control = {"speed": 1.0, "yield_to": 3.0}
+    simulation = Simulation(acted({"anna": stander}, control=control), world=world, sensors=["imu"])
+    simulation.reset()
+    simulation.step(5.5)
+    position, (velocity, _) = simulation.robot.pose[0], simulation.robot.velocity
+    gap = 3.0 - position[0] - simulation.experiment.rig.robot.outline[0] / 2
+    assert 1.2 < gap < 2.0  # YIELD_GAP from the circle around her
+    assert abs(velocity[0]) < 0.05
+    simulation.step(6.0)
+    assert simulation.robot.pose[0][0] > position[0] + 2.0
+
+
+def test_two_robots_see_the_same_actor(world: World) -> None:
+    other = {"metres": {"start": (0.0, 4.0), "waypoints": [(8.0, 4.0)]}}
+    experiment = acted({"anna": CROSSER}, seconds=0.4, robots={"a": {}, "b": {"route": other}})
+    fleet = Fleet(experiment, world=world)
+    fleet.reset()
+    frames = fleet.step(0.4)
+    assert fleet.world.object_names[-3:] == ("a", "b", "anna")
+    for frame in frames.values():
+        assert np.count_nonzero(frame.all["lidar"][1].label == Label.PERSON) > 15
+
+
+def test_one_run_of_a_world_with_actors_knows_their_classes(world: World) -> None:
+    simulation = Simulation(acted({"anna": CROSSER}), world=world)
+    assert [row.label for row in simulation.world.classes.coloured][-1] == Label.PERSON
+    assert [row.label for row in world.classes.coloured][-1] == Label.PARTICLE
+
+
+@pytest.mark.parametrize(
+    ("actors", "message"),
+    [
+        ({"anna": {"kind": "cat"}}, r"actors\.anna\.kind must be one of person, dog"),
+        ({"anna": {"kind": "person", "behaviour": "orbit"}}, r"actors\.anna\.behaviour must be one of trails"),
+        ({"crowd": {"kind": "person", "count": 201}}, r"actors must be 200 at most, got 201"),
+        ({"Anna": {"kind": "person"}}, r"actors\.Anna must be named by"),
+        ({"a_1": {"kind": "person"}, "a": {"kind": "person", "count": 2}}, r"actors and robots .* got a_1 twice"),
+    ],
+)
+def test_actors_that_are_not_allowed(actors: dict[str, Any], message: str) -> None:
+    given = {"name": "x", "environment": "park", "route": ROUTE, "actors": actors}
+    with pytest.raises(ConfigurationError, match=message):
+        validated(given, "")
+
+
+def test_actor_at_the_start_of_the_robot_is_refused(world: World) -> None:
+    with pytest.raises(ConfigurationError, match=r"actors\.anna\.start: .* is in the robot's start"):
+        Simulation(acted({"anna": {"kind": "person", "start": (0.2, 0.0)}}), world=world).reset()
