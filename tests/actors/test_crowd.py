@@ -13,6 +13,7 @@ from drive_worlds import make_world, obstacle
 
 from fieldtruth.actors.crowd import Crowd, Member, RobotState
 from fieldtruth.actors.figure import Placement
+from fieldtruth.actors.places import Places
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.traversability import distance_to, obstacle_outlines
@@ -212,6 +213,42 @@ def test_sitting_is_on_a_bench(park: World) -> None:
     found = Crowd(park, people, seed=1, way=WAY, robots=()).placements
     assert sorted((p.x, round(p.y, 6)) for p in found) == [(3.0, 3.55), (3.0, 4.45)]
     assert {p.action for p in found} == {"sit"}
+
+
+def test_no_two_sit_on_one_seat(park: World) -> None:
+    """The first is given a place beside the bench, and sits where the second would."""
+    people = [member(f"a_{k}", behaviour="sit", count=2, start=(2.5, 3.6)) for k in (1, 2)]
+    found = Crowd(park, people, seed=1, way=WAY, robots=()).placements
+    assert sorted((p.x, round(p.y, 6)) for p in found) == [(3.0, 3.55), (3.0, 4.45)]
+
+
+def test_only_the_first_multirotor_has_the_start_that_is_given(flat_world: World) -> None:
+    flying = [member(f"a_{k}", "multirotor", behaviour="hover", count=2, start=(2.0, 1.0)) for k in (1, 2)]
+    one, other = Crowd(flat_world, flying, seed=0, way=WAY, robots=()).placements
+    assert math.dist((one.x, one.y), (2.0, 1.0)) < 0.5
+    assert math.dist((one.x, one.y), (other.x, other.y)) > 1.0
+
+
+def test_a_flight_by_a_script_is_free_of_ground_and_objects(monkeypatch: pytest.MonkeyPatch, park: World) -> None:
+    """Over a tree of 2 m, through it on the way up, and into the ground at its end."""
+
+    def air(_: Places, height: float) -> Raster:
+        free = np.full((161, 81), 9.0, np.float32)
+        free[60:68] = 0.0 if height < 2.0 else 9.0
+        return Raster(values=free, spacing=0.25, x0=-20.0, y0=-10.0)
+
+    monkeypatch.setattr(Places, "_make_air", air)
+
+    def flight(*heights: float) -> Crowd:
+        points = [{"at_s": 5.0 * k, "xy": (-6.0 + 6.0 * k, 6.0), "height_m": h} for k, h in enumerate(heights)]
+        return Crowd(park, [member("a", "multirotor", script=points)], seed=0, way=WAY, robots=())
+
+    assert flight(6.0, 9.0).placements[0].height == pytest.approx(6.0)
+    for heights in ((1.0, 1.0), (0.5, 3.0)):
+        with pytest.raises(ConfigurationError, match=r"script\[1\]: .* is in an object, or outside at \(-5"):
+            flight(*heights)
+    with pytest.raises(ConfigurationError, match=r"script\[1\]: .* is in the ground at"):
+        flight(8.0, 0.0)
 
 
 def test_multirotors_hover_orbit_and_pass(flat_world: World) -> None:

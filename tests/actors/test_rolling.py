@@ -128,3 +128,14 @@ def test_a_multirotor_flies_over_the_ground_below_it() -> None:
     done = walk("multirotor", placements(lambda t: 4.0, seconds=2, height=6.0), slope)
     assert done.roots[:, 2, 3] == pytest.approx([slope(*p) + 6.0 for p in done.roots[:, :2, 3]])
     assert flat(0, 0) == 0.0
+
+
+@pytest.mark.parametrize("kind", ["car", "tractor", "cyclist"])
+def test_a_vehicle_that_backs_keeps_its_heading(kind: str) -> None:
+    """After a curve it is not along its placement; backwards, an axle that is drawn would turn it around."""
+    way = placements(lambda t: 2.0 if t < 3 else -0.6, lambda t: 0.3 if t < 3 else 0.1, seconds=9)
+    done = walk(kind, way)
+    yaw = np.unwrap(np.arctan2(done.roots[:, 1, 0], done.roots[:, 0, 0]))
+    lag = np.array([each.heading for each in way]) - yaw
+    assert 0.02 < abs(lag[300]) < 0.4
+    assert np.abs(lag[300:] - lag[300]).max() < 0.02

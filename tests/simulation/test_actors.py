@@ -142,6 +142,20 @@ def test_robot_that_yields_waits_until_its_way_is_free(world: World) -> None:
     assert simulation.robot.pose[0][0] > position[0] + 2.0
 
 
+def test_robot_that_yields_follows_and_does_not_mind_what_flies(world: World) -> None:
+    """Behind one who walks at half of its speed, below a multirotor that hovers over its way."""
+    slow = {"kind": "person", "script": [{"at_s": 0.0, "xy": (3.0, 0.0)}, {"at_s": 20.0, "xy": (8.0, 0.0)}]}
+    drone = {"kind": "multirotor", "script": [{"at_s": 0.0, "xy": (1.5, 0.0), "height_m": 2.0}]}
+    control = {"speed": 0.5, "yield_to": 3.0}
+    experiment = acted({"anna": slow, "drone": drone}, control=control)
+    simulation = Simulation(experiment, world=world, sensors=["imu"])
+    simulation.reset()
+    simulation.step(12.0)
+    gap = 3.0 + 0.25 * 12.0 - simulation.robot.pose[0][0]
+    assert 1.5 < gap < 3.5
+    assert simulation.robot.velocity[0][0] == pytest.approx(0.25, abs=0.05)
+
+
 def test_two_robots_see_the_same_actor(world: World) -> None:
     other = {"metres": {"start": (0.0, 4.0), "waypoints": [(8.0, 4.0)]}}
     experiment = acted({"anna": CROSSER}, seconds=0.4, robots={"a": {}, "b": {"route": other}})

@@ -46,6 +46,7 @@ def _run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "actors": {
             "anna": {"kind": "person", "script": [{"at_s": 0, "xy": [3, -1]}, {"at_s": 2, "xy": [4, 1]}]},
             "ben": {"kind": "person", "behaviour": "wander", "start": [4, 2]},
+            "far": {"kind": "car", "script": [{"at_s": 0, "xy": [-8, 8]}]},
         },
     })  # fmt: skip
     return pipeline.generate(experiment, tmp_path_factory.mktemp("runs"), world=tiny(), workers=2).parent

@@ -43,6 +43,14 @@ class Member(NamedTuple):
     """Equal for those who go together; empty: alone."""
 
     @property
+    def own_start(self) -> tuple[float, float] | None:
+        """The start that the configuration gives to it: of several, to the first only."""
+        config = self.config
+        if config.script:
+            return config.script[0].xy
+        return config.start if config.count == 1 or self.name.endswith("_1") else None
+
+    @property
     def pace(self) -> float:
         """Speed [m/s] when nothing is in the way."""
         return self.config.speed or self.speed

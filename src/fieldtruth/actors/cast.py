@@ -10,6 +10,7 @@ Between knots, the root's position changes linearly, and its quaternion is the n
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from io import BytesIO
 from typing import Any, Final, NamedTuple
 
@@ -26,7 +27,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
-from fieldtruth.experiment.actor_config import actor_names
+from fieldtruth.experiment.actor_config import MOST_ACTORS, actor_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.sense.moving import KNOT_NS, MovingBody
 from fieldtruth.world.model import Collider, Heightfield, World
@@ -37,9 +38,14 @@ _SECONDS: Final = KNOT_NS / 1e9
 def figures_of(experiment: Experiment) -> dict[str, Figure]:
     """Return the bodies of the actors of an experiment by name."""
     return {
-        name: KINDS[experiment.actors[key].kind].figure(name, rng_of(experiment.seed, "actor", name, "figure"))
+        name: _figure(experiment.actors[key].kind, name, experiment.seed)
         for name, key in actor_names(experiment.actors)
     }
+
+
+@lru_cache(maxsize=2 * MOST_ACTORS)
+def _figure(kind: str, name: str, seed: int) -> Figure:
+    return KINDS[kind].figure(name, rng_of(seed, "actor", name, "figure"))
 
 
 class Actor:
@@ -168,8 +174,8 @@ class Cast:
 
     @property
     def colliders(self) -> dict[str, tuple[Collider, ...]]:
-        """What robots hit, by name, in the root's frame."""
-        return {name: actor.figure.colliders for name, actor in self.actors.items()}
+        """What robots hit, by name, in the root's frame; multirotors hit nothing."""
+        return {name: actor.figure.colliders for name, actor in self.actors.items() if actor.figure.colliders}
 
     def bodies(self) -> list[MovingBody]:
         """Return the parts of all actors."""
@@ -322,9 +328,11 @@ class ActorStates:
 
     def joints(self, knots_ns: NDArray[np.int64]) -> tuple[Array, Array]:
         """Return values and speeds (n, joints) at knots (n,) [ns]; a speed is that of the interval before."""
-        rows = knots_ns // KNOT_NS
-        every = [np.array(each.joints) for each in self.actors.values()]
-        values, before = (
-            np.concatenate([each[np.clip(k, 0, len(each) - 1)] for each in every], axis=1) for k in (rows, rows - 1)
-        )
+        every, rows = list(self.actors.values()), knots_ns // KNOT_NS
+        values, before = (np.concatenate([_joints(each, k) for each in every], axis=1) for k in (rows, rows - 1))
         return values, (values - before) / _SECONDS
+
+
+def _joints(actor: Actor, rows: NDArray[np.int64]) -> Array:
+    """Values (n, joints) at knots of these numbers (n,); behind the last one, those of the last."""
+    return np.array([actor.joints[k] for k in np.clip(rows, 0, len(actor.joints) - 1).tolist()])

@@ -190,10 +190,12 @@ class CyclistGait:
     def step(self, placement: Placement) -> tuple[Array, Array]:
         """Return world_from_root (4, 4) and the joints' values at the next knot."""
         motion = self.motion
-        x0, y0, before = motion.x, motion.y, self._yaw
+        x0, y0, heading, before = motion.x, motion.y, motion.heading, self._yaw
         motion.follow(placement)
         dx, dy = motion.x - x0, motion.y - y0
-        turn = (dy * math.cos(before) - dx * math.sin(before)) / -REAR
+        turn = motion.heading - heading
+        if motion.rolled >= 0:
+            turn = (dy * math.cos(before) - dx * math.sin(before)) / -REAR
         self._yaw = before + turn
         c, s = math.cos(before + turn / 2), math.sin(before + turn / 2)
         ahead, aside = dx * c + dy * s, dy * c - dx * s + turn * FRONT

@@ -10,12 +10,13 @@ import numpy as np
 
 from fieldtruth.actors.behaviour import Member
 from fieldtruth.actors.places import Places
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 
 _RADII = (8.0, 6.0, 10.0, 5.0, 12.0, 4.0, 3.0)  # [m] of orbits, in the order in which they are tried
 _LENGTH = 30.0  # [m] of a pass to and fro
 _GUST = 0.12  # [m] of each of three slow swings about where one hovers, along each axis
+_BIN = 0.5  # [m] of height in which a flight of a script is compared with what is there
 _MARGIN = 0.5  # [m] of free air around a flying actor
 
 
@@ -67,13 +68,8 @@ class Script:
                 )
             line = before + np.linspace(0.0, 1.0, 2 + int(length / 0.02))[:, None] * (point - before)
             if member.flies:
-                lowest = min(self.heights[max(row - 1, 0)], self.heights[row])
-                height = float(lowest - places.ground(line).max())
-                found = (
-                    None
-                    if has_air(places, line, height, member.radius)
-                    else (len(line) - 1, "in an object, or outside")
-                )
+                heights = np.linspace(self.heights[max(row - 1, 0)], self.heights[row], len(line))
+                found = _obstructed(places, line, heights - places.ground(line), member.radius)
             else:
                 found = places.hindrance(line, member.radius, steep=False)
             if found is not None:
@@ -84,10 +80,27 @@ class Script:
                 )
 
 
+def _obstructed(places: Places, points: Array, above: Array, radius: float) -> tuple[int, str] | None:
+    """Return the first of points (n, 2), ``above`` (n,) [m] the ground, where a flying actor is not free, and why."""
+    if (low := above < radius).any():
+        return int(np.argmax(low)), "in the ground"
+    levels = np.round(above / _BIN) * _BIN
+    for level in np.unique(levels):
+        rows = np.flatnonzero(levels == level)
+        taken = ~_air(places, points[rows], float(level), radius)
+        if taken.any():
+            return int(rows[np.argmax(taken)]), "in an object, or outside"
+    return None
+
+
 def has_air(places: Places, points: Array, height: float, radius: float) -> bool:
     """Return whether points (n, 2) at a height [m] above the ground are free for a flying actor."""
-    air = places.air(round(height, 1))
-    return bool((air.at(points[:, 0], points[:, 1]) >= radius + _MARGIN).all())
+    return bool(_air(places, points, height, radius).all())
+
+
+def _air(places: Places, points: Array, height: float, radius: float) -> Mask:
+    """Mask of points (n, 2) that are free at a height [m] above the ground."""
+    return np.asarray(places.air(round(height, 1)).at(points[:, 0], points[:, 1]) >= radius + _MARGIN)
 
 
 class Flight(NamedTuple):
@@ -132,8 +145,8 @@ def flight_of(places: Places, member: Member, way: Array, rng: np.random.Generat
         direction = (math.cos(turn), math.sin(turn))
         if kind == "orbit":
             direction = (_RADII[attempt % len(_RADII)], 1.0 if turn > 0 else -1.0)
-        if member.config.start is not None:
-            start = np.array(member.config.start)
+        if member.own_start is not None:
+            start = np.array(member.own_start)
             if kind == "hover":
                 middle = start
             elif kind == "orbit":
@@ -144,7 +157,7 @@ def flight_of(places: Places, member: Member, way: Array, rng: np.random.Generat
                 middle, direction = start + _LENGTH / 2 * across, (float(across[0]), float(across[1]))
                 phases = (-math.pi / 2, *phases[1:])
         flight = Flight(kind, (float(middle[0]), float(middle[1])), direction, phases)
-        line = np.array([flight.at(s) for s in np.arange(0.0, 80.0, 0.4)])
+        line = np.array([flight.at(s) for s in np.arange(0.0, math.pi * _LENGTH, 0.4)])
         apart = all(math.dist(line[0], other[:2]) > member.radius + other[2] for other in taken)
         if apart and has_air(places, line, height, member.radius):
             return flight

@@ -39,7 +39,7 @@ class Starts:
 
     def __init__(self, places: Places, way: Array, robots: Sequence[RobotState], members: Sequence[Member]) -> None:
         self._places, self._way, self._robots = places, way, robots
-        given = ((m, _given(m)) for m in members if not m.flies)
+        given = ((m, m.own_start) for m in members if not m.flies)
         self.taken = [(*place, m.radius, m.name) for m, place in given if place is not None]
 
     def find(self, member: Member, rng: np.random.Generator, leader: Start | None) -> Start:
@@ -62,8 +62,8 @@ class Starts:
             start = self._standing(member, rng, self._random(member, rng, near))
             if leader is not None and behaviour != "stand":
                 start = start._replace(heading=leader.heading)
-        if not is_first:
-            self.taken.append((*start.position.tolist(), member.radius, member.name))
+        self.taken = [each for each in self.taken if each[3] != member.name]  # a seat may be beside what was given
+        self.taken.append((*start.position.tolist(), member.radius, member.name))
         return start
 
     def _standing(self, member: Member, rng: np.random.Generator, position: Array) -> Start:
@@ -174,7 +174,7 @@ class Starts:
                 row = first + int((count - first) * rng.uniform() ** 2)
             middle = way[row]
             along = way[min(row + 5, count - 1)] - way[max(row - 5, 0)]
-            aside = rng.uniform(2.5, 4.5) * (1.0 if rng.uniform() < 0.5 else -1.0) + np.copysign(member.radius, 0.0)
+            aside = rng.uniform(2.5, 4.5) * (1.0 if rng.uniform() < 0.5 else -1.0)
             if leader is not None:
                 across = np.array(leader.mind.across) - leader.position
                 aside = math.copysign(aside, float(across[0] * along[1] - across[1] * along[0]))
@@ -213,14 +213,6 @@ class Starts:
             raise ConfigurationError(f"actors.{member.name}: no free bench to sit on in {self._places.world.name}")
         _, position, heading = min(found, key=lambda each: each[0])
         return Start(position, heading, Mind(rng, position, action="sit", facing=heading))
-
-
-def _given(member: Member) -> tuple[float, float] | None:
-    """Return the start that a configuration gives to a member, to the first of several only."""
-    config = member.config
-    if config.script:
-        return config.script[0].xy
-    return config.start if config.count == 1 or member.name.endswith("_1") else None
 
 
 def _seats(places: Places) -> Iterator[tuple[Array, float]]:

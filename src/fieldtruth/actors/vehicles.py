@@ -270,11 +270,11 @@ class Rolling:
     def step(self, placement: Placement) -> tuple[Array, Array]:
         """Return world_from_root (4, 4) and the angles of the wheels at the next knot."""
         motion, wheels = self.motion, self._wheels
-        x0, y0, before = motion.x, motion.y, self._yaw
+        x0, y0, heading, before = motion.x, motion.y, motion.heading, self._yaw
         motion.follow(placement)
         dx, dy = motion.x - x0, motion.y - y0
-        turn = motion.heading - before
-        if wheels[0].steers:  # the rear axle does not move sideways
+        turn = motion.heading - (before if not wheels[0].steers else heading)  # backwards, as it heads
+        if wheels[0].steers and motion.rolled >= 0:  # the rear axle does not move sideways
             turn = (dy * math.cos(before) - dx * math.sin(before)) / -wheels[2].x
         self._yaw = before + turn
         c, s = math.cos(before + turn / 2), math.sin(before + turn / 2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldtruth.actors.cast import Actor, Cast
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.file import BagFile
+from fieldtruth.bag.file import BagError, BagFile
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.core import transforms
@@ -42,7 +42,7 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
 
 def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) -> list[Array]:
     """Read the poses of what moves at each knot of the motion, and the joints of all actors from the first knot on."""
-    run.require(table.MODEL_STATES)
+    run.require(table.MODEL_STATES, *further)
     states, joints = ModelStatesReader(), list[Array]()
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
@@ -59,7 +59,10 @@ def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) 
 
 def _fill(actors: Iterable[Actor], poses: Mapping[str, KnotPoses], joints: Sequence[Array]) -> None:
     """Give actors their motion; the joints at time 0 are those of the next knot."""
-    first = 0
+    first, actors = 0, list(actors)
+    count = sum(len(actor.figure.joints) for actor in actors)
+    if wrong := [len(each) for each in joints if len(each) != count]:
+        raise BagError(f"a message of {table.ACTOR_JOINTS} has {wrong[0]} joints, its actors have {count}")
     for actor in actors:
         last = first + len(actor.figure.joints)
         for root, values in zip(poses[actor.name].save(), [*joints[:1], *joints], strict=False):

@@ -51,7 +51,9 @@ SETTLE_SECONDS: Final = 2.0
 YIELD_GAP: Final = 1.5
 """Gap [m] to what is in its way at which a robot that yields stands, at most half of ``control.yield_to``."""
 YIELD_SECONDS: Final = 120.0
-"""Time for which it slows down or waits before the drive ends."""
+"""Time for which it waits before the drive ends."""
+_WAITING: Final = 0.05
+"""Share of its speed below which it waits."""
 """The robot rests this long before time 0, so that the contacts are settled at the first reading."""
 
 _MERGED: Final = 1000
@@ -105,7 +107,7 @@ class Checkpoint(NamedTuple):
     fixes: int
     end: float
     arrived: bool
-    yielding: int
+    yielding: tuple[bool, int]
 
 
 class Drive:
@@ -131,7 +133,7 @@ class Drive:
         others: Mapping[str, Other] | None = None,
     ) -> None:
         self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
-        self._yield_to, self._yielding = experiment.control.yield_to, 0
+        self._yield_to, self._slowed, self._waited = experiment.control.yield_to, False, 0
         self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
@@ -176,7 +178,7 @@ class Drive:
             self._fixes,
             self.end,
             self._arrived,
-            self._yielding,
+            (self._slowed, self._waited),
         )
 
     def restore(self, saved: Checkpoint) -> None:
@@ -185,7 +187,7 @@ class Drive:
         self._follower.restore(saved.follower)
         self._monitor.progress = saved.nearing
         self._state, self._periods, self._fixes = saved.state, saved.periods, saved.fixes
-        self.end, self._arrived, self._yielding = saved.end, saved.arrived, saved.yielding
+        self.end, self._arrived, (self._slowed, self._waited) = saved.end, saved.arrived, saved.yielding
         del self._blocks[saved.blocks :], self._commands[saved.commands :]
 
     def limit(self, seconds: float | None) -> None:
@@ -252,8 +254,8 @@ class Drive:
         gap, name = self.robot.surroundings.gap_ahead(self._rig.robot)
         stops = min(YIELD_GAP, begins / 2)
         share = min(max((gap - stops) / (begins - stops), 0.0), 1.0)
-        self._yielding = self._yielding + 1 if share < 1.0 else 0
-        if self._yielding > YIELD_SECONDS * self._rig.first(Inertial).rate_hz:
+        self._slowed, self._waited = share < 1.0, self._waited + 1 if share < _WAITING else 0
+        if self._waited > YIELD_SECONDS * self._rig.first(Inertial).rate_hz:
             what = f"waited {YIELD_SECONDS:.0f} s for {name} in its way"
             self._monitor.fail(what, self.robot.seconds, *self._state[_POSITION][:2])
         return Command(share * command.speed, share * command.turn_rate)
@@ -278,7 +280,7 @@ class Drive:
         self._blocks.append(block)
         self._state = block[-1]
         if robot.steps in {due, last}:
-            free = command is None and not self._yielding
+            free = command is None and not self._slowed
             self._monitor.check(robot.seconds, *robot.pose, is_following=free)
         while (fix := due_step(self._rig.first(Fix).rate_hz, self._fixes + 1)) <= robot.steps:
             self._read_fix(block[fix - began - 1])

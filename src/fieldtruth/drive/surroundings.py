@@ -184,7 +184,7 @@ class Surroundings:
         self.data = mujoco.MjData(self.model)
         self._others = {name: int(self.model.body(other_body(name)).mocapid[0]) for name in others or {}}
         self._radii = {name: _radius(other) for name, other in (others or {}).items()}
-        self._twists: Mapping[str, Array] = {}
+        self.twists: Mapping[str, Array] = {}
         self._soil = soil
         if isinstance(soil, SoilContact):
             soil.enter(part)
@@ -206,7 +206,7 @@ class Surroundings:
 
         ``twists`` are their velocity [m/s] and turn rate [rad/s] in the world, (6,) by name: MuJoCo knows none.
         """
-        self._twists = twists
+        self.twists = twists
         for name, pose in world_from_others.items():
             number = self._others[name]
             self.data.mocap_pos[number] = pose[:3, 3]
@@ -247,8 +247,8 @@ class Surroundings:
         """
         row = int(self.data.contact.efc_address[number])
         apart = float(self.data.efc_vel[row]) if row >= 0 else 0.0
-        if -apart > _CREEP and name in self._twists:
-            contact, twist = self.data.contact[number], self._twists[name]
+        if -apart > _CREEP and name in self.twists:
+            contact, twist = self.data.contact[number], self.twists[name]
             arm = contact.pos - self.data.mocap_pos[self._others[name]]
             along = float(contact.frame[:3] @ (twist[:3] + np.cross(twist[3:], arm)))
             apart += -along if is_first else along
@@ -326,6 +326,7 @@ class Following:
         here = self._enter(xy)
         if before is not None:
             here.restore(before.save(), before.contacts.wheels.load, before.contacts.wheels.sinkage)
+            here.twists = before.twists
         return here
 
     def _enter(self, xy: Array) -> Surroundings:

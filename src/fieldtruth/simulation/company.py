@@ -167,7 +167,8 @@ class Company:
         if self.cast is None:
             robot.meet(poses)
         else:
-            robot.meet(poses | self.cast.roots(stamp_ns), self.cast.twists(stamp_ns))
+            roots = {own: pose for own, pose in self.cast.roots(stamp_ns).items() if own in self.cast.colliders}
+            robot.meet(poses | roots, self.cast.twists(stamp_ns))
 
     def drive(self, advance: Advance | None = None) -> dict[str, Track]:
         """Plan all routes, and drive all robots to the ends of their drives; ``advance`` receives the time [s] driven.

@@ -367,8 +367,13 @@ class LiveMotion(GrowingMotion):
         self._company = company if name == ALONE else None
         """Of a robot alone, whose actors move with it; a fleet moves those of several."""
         if self._company is not None:
+            before = self._company.poses[ALONE].save()
             self._company.poses[ALONE].restart(self._start)
-            self._company.begin({ALONE: route})
+            try:
+                self._company.begin({ALONE: route})
+            except ConfigurationError:  # an earlier drive may go on
+                self._company.poses[ALONE].restore(before)
+                raise
 
     @property
     def robot(self) -> SimulatedRobot:

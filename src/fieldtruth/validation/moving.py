@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of where the actors of a run go, and of their joints."""
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from fieldtruth.actors.cast import figures_of
 from fieldtruth.actors.figure import Figure
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
@@ -61,9 +63,9 @@ class ActorMotion(Checker):
             self._see_joints(raw, message)
             return
         if raw.stamp_ns % _LOOK_NS == 0 and self._figures:
-            poses, names = self._reader.poses(raw.data), self._reader.names
-            rows = [names.index(name) for name in self._names]
-            self._check_place(raw, poses[rows], poses[names.index(table.ROBOT)])
+            poses = self._reader.poses(raw.data)
+            rows = [self._reader.row(raw.data, name) for name in self._names]
+            self._check_place(raw, poses[rows], poses[self._reader.row(raw.data)])
 
     def _check_place(self, raw: RawMessage, poses: Array, robot: Array) -> None:
         """Check that actors are on the ground, and inside of nothing, at a knot."""
@@ -78,9 +80,10 @@ class ActorMotion(Checker):
             ground = world.terrain.field.height_at(middle[:, 0], middle[:, 1])
             where = f"{at(raw)}: {name!r}"
             self._tally[GROUND].measure(float(poses[k, 2] - ground[0]), where)
-            if self._names[k] in self._sitting:  # on a bench
+            if name in self._sitting:  # on a bench
                 continue
-            gap = min((float(distance_to(o, middle)[0]) for o in self._near(middle[0], figure.radius)), default=1.0)
+            near = self._near(middle[0], figure.radius)
+            gap = min((float(distance_to(outline, middle)[0]) for outline in near), default=math.inf)
             self._tally[SOLID].measure(max(0.0, figure.radius - gap), where)
             circle = Outline(name, middle + figure.radius * _CIRCLE)
             self._tally[ROBOT].measure(max(0.0, -float(gap_to(circle, pose, rig.robot)[0])), where)
@@ -92,6 +95,8 @@ class ActorMotion(Checker):
 
     def _see_joints(self, raw: RawMessage, message: Any) -> None:
         values, speeds = np.asarray(message.position), np.asarray(message.velocity)
+        if len(speeds) != len(values) or (self._joints is not None and len(self._joints[1]) != len(values)):
+            raise BagError(f"{len(values)} joints with {len(speeds)} speeds, other than in the message before")
         if self._joints is not None and raw.stamp_ns - self._joints[0] == KNOT_NS:
             error = np.abs(values - self._joints[1] - KNOT_NS / 1e9 * speeds)
             self._tally[SPEEDS].measure_all(error, lambda k: f"{at(raw)}: {message.name[k]!r}")
