@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -46,6 +47,15 @@ def server(file: Path) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
         end(process)
 
 
+def wait_until_written(file: Path) -> None:
+    """Wait until a server has written what it received: its file did not grow for two seconds."""
+    size, since = -1, time.monotonic()
+    while time.monotonic() - since < 2.0:
+        if (now := file.stat().st_size) != size:
+            size, since = now, time.monotonic()
+        time.sleep(0.1)
+
+
 def end(process: subprocess.Popen[bytes]) -> None:
     """End a server, which the library starts as a child of its process."""
     with suppress(ProcessLookupError):
@@ -63,6 +73,7 @@ def test_a_server_hears_world_clouds_and_poses_of_two_beginnings(tmp_path: Path)
             wait_for(lambda: 0.25 < run.simulation.seconds < 0.5, seconds=60)
             wait_for(lambda: run.simulation.seconds > 1.0, seconds=60)  # on a busy machine readings come later
         track = run.simulation.track
+        wait_until_written(file)
     reader = RrdReader(str(file))
     _, second = [each for each in reader.recordings() if each.application_id == "fieldtruth"]
     rows = defaultdict[str, list[dict[str, Any]]](list)
