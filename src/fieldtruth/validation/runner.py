@@ -24,7 +24,7 @@ from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class
-from fieldtruth.validation import files, motion, movers, moving, streams, world
+from fieldtruth.validation import actors, files, motion, movers, streams, world
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile, OtherFile
@@ -65,7 +65,7 @@ _NOT_IDEAL: Final = (streams.CLOCKS, *(spec for kind in CHECKS for spec in kind.
 ALL_SPECS: Final = (
     *SPECS,
     movers.MOVING_OBJECTS,
-    moving.ACTORS,
+    actors.ACTORS,
     *_NOT_IDEAL,
     *(spec for kind in CHECKS for spec in kind.extras),
 )
@@ -116,7 +116,7 @@ def validate(
     specs = (
         *SPECS,
         *[movers.MOVING_OBJECTS] * bool(context.movers),
-        *[moving.ACTORS] * bool(context.actors),
+        *[actors.ACTORS] * bool(context.actors),
         *_NOT_IDEAL * real,
         *(spec for kind in CHECKS for spec in kind.extras_of(context)),
         *[OTHER_SENSORS] * _has_other_sensors(context),
@@ -135,7 +135,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     checkers: list[Checker] = [
         streams.Stamps(context), streams.Headers(context), motion.Mounts(context, calibration),
         movers.MovingObjects(context, points), motion.ModelStates(context), motion.Poses(context),
-        moving.ActorMotion(context), motion.Drive(context), world.WorldObjects(context),
+        actors.ActorMotion(context), motion.Drive(context), world.WorldObjects(context),
         *(checker for kind in CHECKS for checker in kind.make(shared)), motion.Commands(context),
         streams.Clocks(context), shared.objects,
     ]  # fmt: skip
