@@ -43,17 +43,20 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
 def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) -> list[Array]:
     """Read the poses of what moves at each knot of the motion, and the joints of all actors from the first knot on."""
     run.require(table.MODEL_STATES, *further)
-    states, joints = ModelStatesReader(), list[Array]()
+    states, joints, knots = ModelStatesReader(), list[Array](), 0
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
         for raw in bag.messages([table.MODEL_STATES, *further]):
             if raw.topic != table.MODEL_STATES:
                 joints.append(np.asarray(decode(raw).position))
                 continue
-            for name, known in poses.items():
-                if raw.stamp_ns >= len(known) * KNOT_NS:  # the first message is for the knot at time 0, too
-                    pose = states.poses(raw.data)[states.row(raw.data, name)]
-                    known.add(transforms.pose_from_quaternion_wxyz(pose[:3], wxyz_from_xyzw(pose[3:]))[None])
+            if raw.stamp_ns < knots * KNOT_NS:
+                continue
+            knots += 1  # the first message is for the knot at time 0, too
+            found = states.poses(raw.data)[[states.row(raw.data, name) for name in poses]]
+            matrices = transforms.pose_from_quaternion_wxyz(found[:, :3], wxyz_from_xyzw(found[:, 3:]))
+            for known, matrix in zip(poses.values(), matrices, strict=True):
+                known.add(matrix[None])
     return joints
 
 
