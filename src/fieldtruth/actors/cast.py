@@ -198,7 +198,7 @@ class Cast:
                 name,
                 configs[key],
                 figure.radius,
-                configs[key].speed or figure.speed,
+                figure.speed,
                 figure.top_speed,
                 figure.turn_radius,
                 figure.flies,
