@@ -120,7 +120,7 @@ def test_robot_that_does_not_yield_hits_one_who_stands_in_its_way(world: World) 
     stander = {"kind": "person", "script": [{"at_s": 0.0, "xy": (3.0, 0.0)}]}
     simulation = Simulation(acted({"anna": stander}, control={"speed": 1.0}), world=world, sensors=["imu"])
     simulation.reset()
-    with pytest.raises(DriveError, match=r"robot touched anna at \d\.\d\d s"):
+    with pytest.raises(DriveError, match=r"robot touched anna at \d\.\d\d s, .*; control\.yield_to makes it wait"):
         simulation.step(10.0)
     gap = 3.0 - simulation.robot.pose[0][0] - simulation.experiment.rig.robot.outline[0] / 2
     assert 0.1 < gap < 0.5  # the radius of a person

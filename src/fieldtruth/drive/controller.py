@@ -12,6 +12,7 @@ shift it by 0.23 m, and the robot then drives that far beside its line.
 """
 
 import math
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -251,10 +252,15 @@ class Hazards:
 
 
 class DriveMonitor:
-    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes."""
+    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes.
 
-    def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
-        self._hazards = Hazards(world)
+    ``others`` are names of robots and actors for which the robot could wait.
+    """
+
+    def __init__(
+        self, world: World, follower: WaypointFollower, control: ControlConfig, others: Collection[str] = ()
+    ) -> None:
+        self._hazards, self._others, self._yields = Hazards(world), others, control.yield_to is not None
         self._follower = follower
         self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
@@ -275,7 +281,8 @@ class DriveMonitor:
 
     def touch(self, name: str, speed: float, time_s: float, position: Array) -> None:
         """Raise: the robot has touched an object."""
-        self.fail(f"touched {name}", time_s, *position[:2])
+        hint = "" if self._yields or name not in self._others else "; control.yield_to makes it wait"
+        self.fail(f"touched {name}", time_s, *position[:2], hint=hint)
 
     def _check_progress(self, time_s: float, x: float, y: float) -> None:
         seen, target = self.progress, self._follower.target
@@ -290,9 +297,9 @@ class DriveMonitor:
             self.fail(f"stuck (no closer to its waypoint for {self._timeout:.0f} s)", time_s, x, y)
         self.progress = seen
 
-    def fail(self, what: str, time_s: float, x: float, y: float) -> None:
+    def fail(self, what: str, time_s: float, x: float, y: float, hint: str = "") -> None:
         """Raise ``DriveError``: the robot is ``what`` at this time [s] and position [m]."""
         count = len(self._follower.waypoints_xy)
         number = min(self._follower.target + 1, count)
         where = f"at {time_s:.2f} s, x, y = {x:.2f}, {y:.2f} m"
-        raise DriveError(f"robot {what} {where}, heading for waypoint {number} of {count}")
+        raise DriveError(f"robot {what} {where}, heading for waypoint {number} of {count}{hint}")

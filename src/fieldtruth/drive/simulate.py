@@ -135,7 +135,7 @@ class Drive:
         self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
         self._yield_to, self._slowed, self._waited = experiment.control.yield_to, False, 0
         self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
-        self._monitor = DriveMonitor(world, self._follower, experiment.control)
+        self._monitor = DriveMonitor(world, self._follower, experiment.control, others or ())
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
         self.robot = SimulatedRobot(world, self._rig, self._monitor, soil, others=others)
         self.end: float = math.inf
