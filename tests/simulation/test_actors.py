@@ -192,3 +192,17 @@ def test_actors_that_are_not_allowed(actors: dict[str, Any], message: str) -> No
 def test_actor_at_the_start_of_the_robot_is_refused(world: World) -> None:
     with pytest.raises(ConfigurationError, match=r"actors\.anna\.start: .* is in the robot's start"):
         Simulation(acted({"anna": {"kind": "person", "start": (0.2, 0.0)}}), world=world).reset()
+
+
+def test_actors_move_beside_a_robot_that_follows_given_poses(world: World, tmp_path: Path) -> None:
+    """The same stepped and in a run; the robot moves as the file says."""
+    (track := tmp_path / "track.csv").write_text(
+        "t,x,y,z,qx,qy,qz,qw\n" + "".join(f"{0.1 * k},{0.05 * k},0,0.2,0,0,0,1\n" for k in range(9))
+    )
+    given = {"name": "flown", "environment": "park", "rig": RIG, "drive": {"track": str(track)}, "seconds": 0.45}
+    experiment = Experiment.model_validate(given | {"actors": {"anna": CROSSER, "ben": BY_CHANCE}})
+    stepped = clouds_of(Simulation(experiment, world=world), [0.03, 0.12, 0.3])
+    run = open_run(pipeline.generate(experiment, tmp_path / "out", world=world, workers=2).parent)
+    assert len(stepped) == len(run["lidar"]) == 4
+    assert all(map(alike, stepped, run["lidar"]))
+    assert np.count_nonzero(stepped[2].label == Label.PERSON) > 60
