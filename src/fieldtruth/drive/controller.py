@@ -282,7 +282,7 @@ class DriveMonitor:
     def touch(self, name: str, speed: float, time_s: float, position: Array) -> None:
         """Raise: the robot has touched an object."""
         hint = "" if self._yields or name not in self._others else "; control.yield_to makes it wait"
-        self.fail(f"touched {name}", time_s, *position[:2], hint=hint)
+        self.fail(f"touched {name}", time_s, float(position[0]), float(position[1]), hint)
 
     def _check_progress(self, time_s: float, x: float, y: float) -> None:
         seen, target = self.progress, self._follower.target
