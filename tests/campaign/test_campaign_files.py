@@ -58,8 +58,10 @@ MISTAKES = [
     (DRAWN + "rigs: [{}, {lidar: {ringz: 3}}]\n", "rigs[1]: unknown key 'rig.lidar.ringz'; did you mean "),
     (
         DRAWN + "routes: park_3\n",
-        "routes must be built-in, {random: {length_m: ...}}, {frames: {count: ...}}, or a list of these, got 'park_3'",
+        "routes must be built-in, {random: {length_m: ...}}, {metres: ...}, {frames: {count: ...}}, or a list "
+        "of these, got 'park_3'",
     ),
+    (DRAWN + "routes: {metres: {start: [0, 0]}}\n", "routes: route.metres.waypoints is required"),
     (DRAWN + "routes: {random: {length_m: 5}}\n", "routes: route.random.length_m must be a number between 20 and 5000"),
     (DRAWN + "layouts: {park: {old_tres: 3}}\n", "layouts.park: layout: unknown key 'old_tres'; did you mean "),
     (DRAWN + "layouts: {lake: {}}\n", "layouts.lake: 'lake' is not one of the environments"),

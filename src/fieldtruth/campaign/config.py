@@ -40,7 +40,9 @@ MOST_RUNS: Final = 100_000
 BUILT_IN: Final = "built-in"
 """Entry of ``routes``: a route of the environment's built-in experiments."""
 PRODUCT: Final = "product"
-ROUTES: Final = f"{BUILT_IN}, {{random: {{length_m: ...}}}}, {{frames: {{count: ...}}}}, or a list of these"
+ROUTES: Final = (
+    f"{BUILT_IN}, {{random: {{length_m: ...}}}}, {{metres: ...}}, {{frames: {{count: ...}}}}, or a list of these"
+)
 Words = Literal["ideal", "datasheet", "clean", "robot"]
 SIGNALS: Final = "ideal, datasheet, clean, robot, or a mapping of sensors, or their kinds, to these or to figures"
 DRAWN_ONLY: Final = ("environments", "layouts", "routes", "runs")

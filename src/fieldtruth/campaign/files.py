@@ -248,13 +248,14 @@ def _check_routes(tree: Tree, source: str) -> None:
     for position, end in _ends("routes", tree):
         if end == BUILT_IN:
             continue
-        if isinstance(end, str) or end.keys() not in ({"random"}, {"frames"}):
+        if isinstance(end, str) or end.keys() not in ({"random"}, {"frames"}, {"metres"}):
             raise ConfigurationError(f"{source}: {position} must be {ROUTES}, got {shortened(end)}")
         if "frames" in end:
             _check_values({"route": None, "frames": end["frames"]}, f"{source}: {position}")
             continue
-        values = {"seed": 0} | end["random"] if isinstance(end["random"], dict) else end["random"]
-        _check_values({"route": {"random": values}}, f"{source}: {position}")
+        if isinstance(values := end.get("random"), dict):
+            end = {"random": {"seed": 0} | values}
+        _check_values({"route": end}, f"{source}: {position}")
 
 
 def _ends(key: str, tree: Tree) -> Iterator[tuple[str, Any]]:

@@ -46,12 +46,18 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     def save(job: tuple[int, str, int]) -> None:
         stamp, name, row = job
         world_from_sensor = trajectory.world_from_base(stamp) @ mounts[name]
-        rows = _with_colours(clouds[name].read(row), options.labels)
-        (folders[name] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_sensor) + rows.tobytes())
+        data = pcd_bytes(clouds[name].read(row), options.labels, world_from_sensor)
+        (folders[name] / f"{stamp}.pcd").write_bytes(data)
 
     jobs = sorted((s, name, row) for name, each in clouds.items() for row, s in enumerate(each.stamps_ns.tolist()))
     for _ in options.each("write the clouds", run, jobs, save):
         pass
+
+
+def pcd_bytes(cloud: Cloud, labels: LabelMap, world_from_sensor: Array) -> bytes:
+    """Return the file of a cloud that was taken at a pose (4, 4)."""
+    rows = _with_colours(cloud, labels)
+    return _header(rows, world_from_sensor) + rows.tobytes()
 
 
 def _with_colours(cloud: Cloud, labels: LabelMap) -> NDArray[np.void]:
