@@ -3,16 +3,21 @@
 """Places that are seen again, with true distances: lists of frames, and recall@1 (docs/benchmarks_truth.md).
 
 Run: python benchmarks/places.py [--envs NAME ...] [--signal ideal|datasheet] [--method FILE.py:FUNCTION] [--out FOLDER]
+     python benchmarks/places.py --runs FOLDER [--method FILE.py:FUNCTION]
 
 A robot stands at random places of the trails of an environment, with its view along them in either direction, and a
 LiDAR scans: once for the database, and at other places for the queries. As in Wild-Places (Knights and others 2023,
 arXiv:2211.12732) a match is right if its frame is at most 3 m away, and queries without such a frame do not count.
+
+With ``--runs``, FOLDER is an export ``--to wild-places`` of runs of one world, as those of the campaign revisit: each run is
+a database for all others, and the table has a row for each change of season and direction.
 
 A method is a function ``(queries, database) -> dissimilarities`` of lists of clouds (n, 3) [m] in the LiDAR's frame;
 it returns an array (queries, database), of which the least in a row is the match. FOLDER gets, for each environment,
 the poses of both sets (timestamp, x, y, z, qx, qy, qz, qw) and the true distances between them [m].
 """
 
+import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -20,11 +25,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from drives import Drive, arguments, scanned, show, with_lidar
 from numpy.typing import NDArray
+from pypcd4.pypcd4 import PointCloud
 from scipy.spatial.distance import cdist
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 from fieldtruth.core.user_code import named_function
 from fieldtruth.experiment.config import FramesConfig
 
@@ -107,11 +113,77 @@ def write_lists(folder: Path, sets: dict[str, Drive], distance: Array) -> None:
     np.savetxt(folder / "distances.csv", distance, "%.4f", ",")
 
 
+class Place(NamedTuple):
+    """A run of an export: its season, the poses (k, 4, 4) of its frames in the world, and their clouds."""
+
+    season: str
+    poses: Array
+    clouds: list[Array]
+
+
+def places_of(folder: Path) -> list[Place]:
+    """Read the runs of an export ``--to wild-places``.
+
+    Raises:
+        ConfigurationError: the folder is not one of two runs at least.
+    """
+    try:
+        with (folder / "runs.csv").open(encoding="utf-8") as file:
+            rows = [*csv.DictReader(file)]
+    except OSError as error:
+        raise ConfigurationError(f"{folder} must be an export --to wild-places: {error.strerror}") from error
+    if len(rows) < 2:
+        raise ConfigurationError(f"{folder} must be an export of two runs at least, got {len(rows)}")
+    return [_place(folder / row["run"], row["season"]) for row in rows]
+
+
+def _place(folder: Path, season: str) -> Place:
+    with (folder / "poses_aligned.csv").open(encoding="utf-8") as file:
+        rows = [*csv.DictReader(file)]
+    poses = [
+        transforms.pose_from_quaternion_wxyz(
+            [float(row[axis]) for axis in "xyz"], [float(row[f"q{axis}"]) for axis in "wxyz"]
+        )
+        for row in rows
+    ]
+    files = [folder / "Clouds" / f"{row['timestamp']}.pcd" for row in rows]
+    return Place(season, np.array(poses), [PointCloud.from_path(file).numpy(("x", "y", "z")) for file in files])
+
+
+def between_runs(places: Sequence[Place], method: Method) -> dict[tuple[str, str], Recall]:
+    """Recall by seasons and directions: each run is the database of every other, and the shares are of all queries."""
+    sums: dict[tuple[str, str], list[Recall]] = {}
+    for database in places:
+        for query in places:
+            if query is database:
+                continue
+            distance = cdist(query.poses[:, :3, 3], database.poses[:, :3, 3])
+            seasons = "same season" if query.season == database.season else "other season"
+            turned = float(_ahead(query) @ _ahead(database)) < 0
+            key = (seasons, "back" if turned else "there")
+            sums.setdefault(key, []).append(recall(method(query.clouds, database.clouds), distance))
+    return {key: _joined(found) for key, found in sorted(sums.items())}
+
+
+def _ahead(place: Place) -> Array:
+    """Way (2,) [m] from the first frame to the last."""
+    return np.asarray(place.poses[-1, :2, 3] - place.poses[0, :2, 3])
+
+
+def _joined(found: Sequence[Recall]) -> Recall:
+    """Recall over the queries of several pairs of runs."""
+    kept = [each for each in found if each.queries]
+    total = sum(each.queries for each in kept)
+    shares = [sum(each.queries * getattr(each, name) for each in kept) / max(total, 1) for name in ("recall", "chance")]
+    return Recall(total, *shares)
+
+
 def main() -> None:
     """Print the table."""
     parser = arguments(__doc__ or "", ("park", "forest", "forest_road"))
     parser.add_argument("--count", type=int, default=60, help="frames of each set (default: 60)")
     parser.add_argument("--out", type=Path, metavar="FOLDER")
+    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="an export --to wild-places in place of frames")
     options = parser.parse_args()
     if not 1 <= options.count <= 10_000:
         parser.error(f"argument --count: must be 1 to 10000, got {options.count}")
@@ -119,6 +191,15 @@ def main() -> None:
         methods: dict[str, Method] = {"Scan Context": scan_context} | {
             name: named_function("method", name) for name in options.method
         }
+        if options.runs:
+            places = places_of(options.runs)
+            rows = [
+                [*key, name, *found]
+                for name, method in methods.items()
+                for key, found in between_runs(places, method).items()
+            ]
+            show(["queries of", "direction", "method", "queries", "recall@1 %", "by chance %"], rows)
+            return
         for k, environment in enumerate(options.envs):
             experiment, sets = with_lidar(environment, options.signal), dict[str, Drive]()
             for name, seed in SEEDS.items():

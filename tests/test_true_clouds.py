@@ -4,6 +4,7 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 
 import elevation
@@ -228,3 +229,26 @@ def test_heights_of_another_shape_are_refused_with_the_method() -> None:
     ):
         elevation.heights_of("mine.py:f", np.zeros(4), grid)
     np.testing.assert_array_equal(elevation.heights_of("mine.py:f", [[1] * 4] * 3, grid), np.ones((3, 4)))
+
+
+def test_places_of_runs_are_scored_by_season_and_direction() -> None:
+    def place(season: str, *x: float) -> places.Place:
+        return places.Place(season, np.array([transforms.pose((each, 0, 0)) for each in x]), [np.full((1, 3), x[0])])
+
+    there, autumn, back = place("summer", 0, 10, 20), place("autumn", 0, 10, 20), place("summer", 20, 10, 0)
+
+    def method(queries: Sequence[Array], database: Sequence[Array]) -> Array:
+        return 1.0 - np.eye(3)  # the match is the frame of the same number
+
+    found = places.between_runs([there, autumn, back], method)
+    assert found["other season", "there"] == pytest.approx((6, 100.0, 100 / 3))
+    assert found["same season", "back"] == pytest.approx((6, 100 / 3, 100 / 3))  # the middle one only
+    assert found["other season", "back"] == pytest.approx((6, 100 / 3, 100 / 3))
+
+
+def test_runs_of_places_must_be_an_export(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="must be an export --to wild-places: No such file"):
+        places.places_of(tmp_path)
+    (tmp_path / "runs.csv").write_text("run,split,environment,seed,season,frames\n")
+    with pytest.raises(ConfigurationError, match="two runs at least, got 0"):
+        places.places_of(tmp_path)

@@ -9,13 +9,12 @@ from typing import Any, cast
 
 import numpy as np
 import pandas
-import pytest
 from numpy.typing import ArrayLike
 from pypcd4.pypcd4 import PointCloud
 
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.transforms import pose, transform
-from fieldtruth.experiment.files import dump_experiment, load_experiment, with_overrides
+from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.exporters import export
 from fieldtruth.exporters.frames import Member
 from fieldtruth.exporters.wild_places import Frames, pairs, seconds_of
@@ -63,10 +62,13 @@ def test_stamps_keep_their_nanoseconds() -> None:
 def test_files_are_read_as_those_of_wild_places(small_run: Path, tmp_path: Path) -> None:
     folders = [shutil.copytree(small_run, tmp_path / name) for name in ("summer", "autumn")]
     told = folders[1] / "experiment.yaml"  # that it was made in autumn
-    told.write_text(dump_experiment(with_overrides(load_experiment(told), layout={"season": "autumn"})))
+    told.write_text(dump_experiment(load_experiment(told).model_copy(update={"layout": {"season": "autumn"}})))
     made = export(folders, "wild-places", out=tmp_path / "places")
     runs = pandas.read_csv(made / "runs.csv")
-    assert runs[["environment", "seed", "frames"]].to_numpy().tolist() == 2 * [["park", 0, 1]]
+    assert sorted(runs[["environment", "seed", "season", "frames"]].to_numpy().tolist()) == [
+        ["park", 0, "autumn", 1],
+        ["park", 0, "summer", 1],
+    ]
     pairs = pandas.read_csv(made / "pairs.csv")
     assert len(pairs) == 2
     assert (pairs["query_run"] != pairs["database_run"]).all()
@@ -76,7 +78,7 @@ def test_files_are_read_as_those_of_wild_places(small_run: Path, tmp_path: Path)
     mount = run.calibration.base_from("lidar")
     for name in runs["run"]:
         poses = pandas.read_csv(made / name / "poses_aligned.csv", dtype={"timestamp": str})  # as its scripts do
-        (row,) = poses.itertuples()
+        (row,) = cast(list[Any], [*poses.itertuples()])
         points = PointCloud.from_path(made / name / "Clouds" / f"{row.timestamp}.pcd").numpy(("x", "y", "z"))
         assert float(row.timestamp) == cloud.stamp_ns / SECOND
         assert (points == cloud.xyz).all()

@@ -7,7 +7,7 @@ arXiv:2211.12732) has them, whose scripts make queries and databases of these. `
 seen again, within a run and between runs of one world: what those scripts, and users of SLAM, compare theirs with.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -50,7 +50,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     every = [_frames(member) for member in options.members]
     target.mkdir()
     (target / "README.md").write_text(str(_TEXTS["readme"]).format(near=NEAR, step=_STEP, again=AGAIN_NS // 10**9))
-    _write_rows(target / "runs.csv", "run,split,environment,seed,frames", (_row_of(frames) for frames in every))
+    _write_rows(target / "runs.csv", "run,split,environment,seed,season,frames", (_row_of(frames) for frames in every))
     _write_rows(
         target / "pairs.csv",
         "query_run,query_timestamp,database_run,database_timestamp,distance_m,turn_deg",
@@ -86,8 +86,10 @@ def _world_of(run: Run) -> tuple[str, int] | None:
 
 
 def _row_of(frames: Frames) -> list[object]:
-    environment, seed = _world_of(frames.member.run) or ("", "")
-    return [frames.member.name, frames.member.split, environment, seed, len(frames.rows)]
+    run = frames.member.run
+    environment, seed = _world_of(run) or ("", "")
+    season = "" if run.experiment is None else run.experiment.layout.get("season", "summer")
+    return [frames.member.name, frames.member.split, environment, seed, season, len(frames.rows)]
 
 
 def pairs(query: Frames, database: Frames) -> Iterator[list[object]]:
@@ -96,9 +98,9 @@ def pairs(query: Frames, database: Frames) -> Iterator[list[object]]:
     worlds = [_world_of(frames.member.run) for frames in (query, database)]
     if not same and (None in worlds or worlds[0] != worlds[1]):
         return
-    near = cKDTree(database.poses[:, :3, 3]).query_ball_point(query.poses[:, :3, 3], NEAR, return_sorted=True)
-    for row, others in enumerate(near):
-        for other in others:
+    tree = cKDTree(database.poses[:, :3, 3])
+    for row, position in enumerate(query.poses[:, :3, 3]):
+        for other in sorted(tree.query_ball_point(position, NEAR)):
             if same and abs(int(query.stamps_ns[row] - database.stamps_ns[other])) < AGAIN_NS:
                 continue
             between = transforms.inverse(query.poses[row]) @ database.poses[other]
@@ -128,7 +130,7 @@ def _write_run(frames: Frames, folder: Path, options: Options) -> None:
         pass
 
 
-def _write_rows(path: Path, header: str, rows: Iterator[list[object]]) -> None:
+def _write_rows(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
     with path.open("w", encoding="utf-8") as file:
         file.write(header + "\n")
         file.writelines(",".join(map(str, row)) + "\n" for row in rows)
