@@ -9,8 +9,8 @@ A robot stands at random places of the trails of an environment, with its view a
 LiDAR scans: once for the database, and at other places for the queries. As in Wild-Places (Knights and others 2023,
 arXiv:2211.12732) a match is right if its frame is at most 3 m away, and queries without such a frame do not count.
 
-With ``--runs``, FOLDER is an export ``--to wild-places`` of runs of one world, as those of the campaign revisit: each run is
-a database for all others, and the table has a row for each change of season and direction.
+With ``--runs``, FOLDER is an export ``--to wild-places`` of runs of one world, as those of the campaign revisit: each
+run is a database for all others, and the table has a row for each change of season and direction.
 
 A method is a function ``(queries, database) -> dissimilarities`` of lists of clouds (n, 3) [m] in the LiDAR's frame;
 it returns an array (queries, database), of which the least in a row is the match. FOLDER gets, for each environment,

@@ -78,7 +78,7 @@ def test_files_are_read_as_those_of_wild_places(small_run: Path, tmp_path: Path)
     mount = run.calibration.base_from("lidar")
     for name in runs["run"]:
         poses = pandas.read_csv(made / name / "poses_aligned.csv", dtype={"timestamp": str})  # as its scripts do
-        (row,) = cast(list[Any], [*poses.itertuples()])
+        row: Any = poses.iloc[0]
         points = PointCloud.from_path(made / name / "Clouds" / f"{row.timestamp}.pcd").numpy(("x", "y", "z"))
         assert float(row.timestamp) == cloud.stamp_ns / SECOND
         assert (points == cloud.xyz).all()
