@@ -174,7 +174,9 @@ def _joined(found: Sequence[Recall]) -> Recall:
     """Recall over the queries of several pairs of runs."""
     kept = [each for each in found if each.queries]
     total = sum(each.queries for each in kept)
-    shares = [sum(each.queries * getattr(each, name) for each in kept) / max(total, 1) for name in ("recall", "chance")]
+    if not total:
+        return Recall(0, np.nan, np.nan)
+    shares = [sum(each.queries * getattr(each, name) for each in kept) / total for name in ("recall", "chance")]
     return Recall(total, *shares)
 
 
