@@ -22,6 +22,7 @@ from .core.classes import NO_RETURN as NO_RETURN
 from .core.classes import PALETTE as PALETTE
 from .core.classes import ClassTable as ClassTable
 from .core.classes import Label as Label
+from .core.classes import PlantPart as PlantPart
 from .core.classes import SemanticClass as SemanticClass
 from .core.errors import ConfigurationError as ConfigurationError
 from .core.errors import DriveError as DriveError
@@ -73,6 +74,7 @@ from .kernels.cast import Hits as Hits
 from .kernels.lidar import Scan as Scan
 from .local_maps import LocalMap as LocalMap
 from .local_maps import LocalMaps as LocalMaps
+from .local_maps.check import validate_map as validate_map
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
 from .render.bake import bake as bake

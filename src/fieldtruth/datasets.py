@@ -81,6 +81,8 @@ class Sample(TypedDict, total=False):
     """(3, h, w) unit normals of the surfaces, towards the camera, in its optical frame; 0 for the sky."""
     flow: NDArray[np.float32]
     """(2, h, w) [pixel] motion to the right and down to the camera's next image; NaN where that does not show it."""
+    part_mask: Counts
+    """(h, w) ``PlantPart``; 0 where no plant is."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts
@@ -89,6 +91,8 @@ class Sample(TypedDict, total=False):
     """(n,) instance ids."""
     moving: NDArray[np.bool_]
     """(n,) whether the object of the point moves at ``lidar_stamp_ns``."""
+    parts: Counts
+    """(n,) ``PlantPart``; 0 where no plant is."""
     reflectivity: NDArray[np.float32]
     """(n,) reflectance of a matt surface that faces the LiDAR and is as bright; 0 of a LiDAR without a signal."""
     rays: Counts
@@ -145,6 +149,12 @@ def _field(cloud: Cloud, field: str) -> NDArray[Any]:
     return values
 
 
+def _part(cloud: Cloud) -> Counts:
+    if "part" not in cloud.others:
+        raise BagError("points of the cloud have no field 'part'; `fieldtruth generate NAME --extras parts` records it")
+    return cloud.others["part"].astype(np.int64)
+
+
 def _moving(reading: Cloud | Image, meaning: Meaning) -> NDArray[np.bool_]:
     instance: Any = _field(reading, "instance") if isinstance(reading, Cloud) else reading.instance
     return meaning.movers.moving(instance, reading.stamp_ns)
@@ -163,10 +173,12 @@ ITEMS: Final[dict[str, Item]] = {
     "moving_mask": Item(Image, "instance", _moving),
     "normals": Item(Image, "normal", lambda image, meaning: _channels_first(image.normal).astype(np.float32)),
     "flow": Item(Image, "flow", lambda image, meaning: _channels_first(image.flow).astype(np.float32)),
+    "part_mask": Item(Image, "part", lambda image, meaning: image.part.astype(np.int64)),
     "cloud": Item(Cloud, "main", lambda cloud, meaning: cloud.xyz.astype(np.float32)),
     "labels": Item(Cloud, "main", lambda cloud, meaning: _ids(cloud.label, meaning.ids)),
     "instances": Item(Cloud, "main", lambda cloud, meaning: _field(cloud, "instance").astype(np.int32)),
     "moving": Item(Cloud, "main", _moving),
+    "parts": Item(Cloud, "main", lambda cloud, meaning: _part(cloud)),
     "reflectivity": Item(Cloud, "main", lambda cloud, meaning: reflectivity(cloud)),
     "rays": Item(Cloud, "main", _rays),
 }

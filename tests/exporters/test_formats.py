@@ -29,7 +29,7 @@ def digest(path: Path) -> dict[str, str]:
 
 
 NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth", "image-cost")
-OF_WORLDS = ("kitti-object", "occupancy", "local-maps", "image-cost", "scene-completion")
+OF_WORLDS = ("kitti-object", "occupancy", "local-maps", "local-maps-bag", "image-cost", "scene-completion")
 """Formats that build the world of experiment.yaml."""
 OF_MOVERS = ("kitti-tracking", "mot")
 """Formats of runs in which something moves."""
@@ -53,7 +53,7 @@ def test_default_output_and_bytes_for_any_workers(
     if to in OF_WORLDS:
         shutil.copy(brief_run / "experiment.yaml", tmp_path)
     before, files = digest(Path(bag)), [path.name for path in tmp_path.iterdir()]
-    rough = {"occupancy": "--voxel", "local-maps": "--resolution", "image-cost": "--resolution"}
+    rough = {"occupancy": "--voxel", **dict.fromkeys(("local-maps", "local-maps-bag", "image-cost"), "--resolution")}
     coarse = [rough[to], "0.5"] if to in rough else []
     assert cli.main(["export", str(bag), "--to", to, "--workers", "1", *coarse]) == 0
     made = tmp_path / f"park_1{FORMATS[to].suffix}"

@@ -193,7 +193,7 @@ def test_options_of_maps_are_refused_in_one_line(
     assert "unknown layer 'grond'" in capsys.readouterr().err.splitlines()[-1]
     assert cli.main(["export", str(brief_run), "--to", "pcd", "--side", "3"]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        "error: format 'pcd' has no side; formats that have: local-maps"
+        "error: format 'pcd' has no side; formats that have: webdataset, huggingface, local-maps, local-maps-bag"
     )
     with pytest.raises(ConfigurationError, match="side must be"):
         export(brief_run, "local-maps", maps=MapOptions(side=-1.0))

@@ -3,9 +3,9 @@
 """What is above each cell of a map, against closed forms and against the second tracer."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pytest
@@ -14,15 +14,14 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, Placed, at, box, make_mesh, mak
 from small_park import small_park
 
 from fieldtruth.core import transforms
-from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.columns import FLEXIBLE, FOOT_HEIGHT, PASSABLE, SOLID
-from fieldtruth.validation.tracer import TERRAIN, ReferenceTracer
+from fieldtruth.local_maps.rays import wrong_heights
 from fieldtruth.world.build import load_world
-from fieldtruth.world.model import LOOSE, Material, Mesh, Raster, Swarm, World
+from fieldtruth.world.model import Material, Mesh, Raster, Swarm, World
 from fieldtruth.world.plants.growth import Stems, tubes
 from fieldtruth.world_maps import grid_of
-from fieldtruth.world_maps.bodies import PLANTS, faces_of
+from fieldtruth.world_maps.bodies import faces_of
 from fieldtruth.world_maps.layers import Grid, Layers, WorldColumns, names_of
 
 CELL: Final = 0.05
@@ -232,105 +231,14 @@ def test_tiles_are_parts_of_the_whole() -> None:
     assert len(set(whole["overhang_instance"].ravel().tolist())) > 10
 
 
-Keep = Callable[[Material, Mesh], bool]
-
-
-def is_stone(material: Material, mesh: Mesh) -> bool:
-    return material.label in (Label.GROUND, Label.TRAIL, Label.ROCK) and not material.translucency and not mesh.passable
-
-
-def is_plant(material: Material, mesh: Mesh) -> bool:
-    return material.label in PLANTS
-
-
-def is_body(material: Material, mesh: Mesh) -> bool:
-    foliage = material.translucency > 0 or material.label in (Label.TREETOP, Label.HIGH_GRASS, Label.WATER)
-    return not foliage and not mesh.passable
-
-
-def only(world: World, keep: Keep, low: F8, high: F8, *, ground: bool) -> World:
-    """The faces of some materials near a rectangle, and the bare ground or none."""
-    meshes, reach = {}, {}
-    for name, mesh in world.meshes.items():
-        own = np.array([keep(world.materials[m], mesh) for m in mesh.materials], np.bool_)[mesh.material]
-        meshes[name] = replace(mesh, faces=mesh.faces[own], material=mesh.material[own])
-        reach[name] = float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0)) if own.any() else -np.inf
-
-    def is_near(name: str, pose: F8) -> bool:
-        far = reach[name] * float(np.cbrt(np.linalg.det(pose[:3, :3])))
-        return bool(((pose[:2, 3] >= low - far) & (pose[:2, 3] <= high + far)).all())
-
-    swarms = []
-    for swarm in (each for each in world.swarms if each.kind not in LOOSE):
-        poses = swarm.world_from_object
-        scale = np.linalg.norm(poses[:, :3, 0], axis=1)
-        far = (np.array([reach[name] for name in swarm.meshes])[swarm.mesh] * scale)[:, None]
-        kept = ((poses[:, :2, 3] >= low - far) & (poses[:, :2, 3] <= high + far)).all(axis=1)
-        swarms.append(replace(swarm, mesh=swarm.mesh[kept], world_from_object=poses[kept], tint=swarm.tint[kept]))
-    return replace(
-        world,
-        meshes=meshes,
-        instances=tuple(each for each in world.instances if is_near(each.mesh, each.world_from_object)),
-        swarms=tuple(swarms),
-        terrain=replace(world.terrain, layer=None, visible=ground),
-        backdrop=None,
-    )
-
-
-class Rays:
-    """Vertical rays from points (n, 3) [m], in the second tracer: heights of what they meet.
-
-    A ray that passes within 0.1 mm of an edge may hit the triangle or miss it: it goes on to the next one that it hits
-    for sure. ``height`` (n,) is that of the first hit, NaN without.
-    """
-
-    def __init__(self, world: World, keep: Keep, start: F8, *, up: bool = False, ground: bool = True) -> None:
-        part = only(world, keep, start[:, :2].min(axis=0), start[:, :2].max(axis=0), ground=ground)
-        sign, self._count = (1.0 if up else -1.0), len(start)
-        ahead, far = np.tile([0.0, 0.0, sign], (len(start), 1)), np.full(len(start), 300.0)
-        hits = ReferenceTracer(part).hits(start, ahead, far)
-        end = np.full(len(start), np.inf)
-        sure = hits.margin > 1e-4
-        np.minimum.at(end, hits.ray[sure], hits.range_m[sure])
-        self._may_miss = np.isinf(end)
-        near = hits.range_m <= end[hits.ray]
-        self._ray, self._z = hits.ray[near], start[hits.ray[near], 2] + sign * hits.range_m[near]
-        self._label, self._instance = hits.label[near], hits.instance[near]
-        self.height = np.full(len(start), np.nan)
-        rays, first = np.unique(self._ray, return_index=True)
-        self.height[rays] = self._z[first]
-        self.lowest = np.full(len(start), np.inf)
-        np.minimum.at(self.lowest, self._ray, self._z)
-
-    def differ(self, heights: NDArray[Any], label: NDArray[np.uint8], instance: NDArray[np.uint32]) -> Mask:
-        """Rays (n,) that meet nothing of a class and instance within 1 mm of a height; if NaN, nothing for sure."""
-        near = np.abs(heights[self._ray].astype(np.float64) - self._z) <= 1e-3
-        near &= instance[self._ray] == self._instance
-        near &= (self._label == label[self._ray]) | (self._label == TERRAIN)
-        met = np.bincount(self._ray[near], minlength=self._count) > 0
-        return np.where(np.isnan(heights), ~self._may_miss, ~met)
-
-
 def compare(world: World, grid: Grid, made: Layers, count: int, seed: int) -> dict[str, tuple[int, int, int]]:
     """Heights of cells against rays: numbers of rays, of those that hit, and of those that differ by more than 1 mm."""
     rng = np.random.default_rng(seed)
-    i, j = np.unravel_index(np.sort(rng.choice(made["ground"].size, count, replace=False)), made["ground"].shape)
-    i, j = (axis[np.lexsort((j // 16, i // 16))] for axis in (i, j))  # 32 neighbours at once are faster
-    x, y = grid.middles(*(slice(0, n) for n in grid.shape))
-    top, own = np.column_stack([x[i], y[j], np.full(count, 100.0)]), {name: made[name][i, j] for name in made}
-    level = np.column_stack([top[:, :2], own["hard_ground"].astype(np.float64) + 1e-3])
-    rays = {
-        "ground": Rays(world, lambda *_: False, top),
-        "hard_ground": Rays(world, is_stone, top),
-        "plant_top": Rays(world, is_plant, top, ground=False),
-        "overhang": Rays(world, is_body, level, up=True, ground=False),
+    cells = np.stack(np.unravel_index(rng.choice(made["ground"].size, count, replace=False), made["ground"].shape), 1)
+    return {
+        name: (count, int(np.isfinite(rays.height).sum()), int(wrong.sum()))
+        for name, (rays, wrong) in wrong_heights(world, grid, made, cells).items()
     }
-    own["ground_instance"] = np.ones(count, np.uint32)
-    wrong = {name: each.differ(*(own[name + k] for k in ("", "_class", "_instance"))) for name, each in rays.items()}
-    wrong["hard_ground"] &= own["hard_ground_class"] != Label.TRUNK  # roots
-    wrong["plant_top"] &= ~(np.isnan(own["plant_top"]) & (rays["plant_top"].lowest <= own["ground"]))  # roots of herbs
-    wrong["overhang"] &= own["overhang"] != own["hard_ground"]  # inside a body
-    return {name: (count, int(np.isfinite(rays[name].height).sum()), int(wrong[name].sum())) for name in rays}
 
 
 def test_heights_of_a_park_are_those_of_rays_of_the_second_tracer() -> None:

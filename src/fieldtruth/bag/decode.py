@@ -233,6 +233,12 @@ def flow(message: Any) -> NDArray[np.float32]:
     return uv
 
 
+def parts(message: Any) -> NDArray[np.uint8]:
+    """Return the parts of plants (h, w) of a sensor_msgs/Image, mono8."""
+    found: NDArray[np.uint8] = _pixels(message, _encoded(message, "image of parts", {"mono8": "u1"}))[..., 0]
+    return found
+
+
 def labels(tag_image: NDArray[np.uint8], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:
     """Return the class ids (h, w) of a tag image (h, w, 3).
 

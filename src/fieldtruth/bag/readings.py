@@ -39,6 +39,7 @@ _DECODED: Final[Mapping[str, Callable[[Any], Any]]] = {
     "instance": read.instances,
     "normal": read.normals,
     "flow": read.flow,
+    "part": read.parts,
 }
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 SERIES: Final = (Inertial, Fix, WheelSpeeds, Joints, Odometry)

@@ -78,20 +78,19 @@ def _annotate(options: argparse.Namespace) -> None:
 
 def _validate(options: argparse.Namespace) -> int:
     from fieldtruth.bag.file import runs_of_robots
-    from fieldtruth.validation import as_json, as_text
+    from fieldtruth.local_maps.check import is_map, maps_in, validate_map
+    from fieldtruth.validation import Check, as_json, as_text
     from fieldtruth.validation.runner import validate
 
     failed, robots = False, runs_of_robots(options.run_path)
-    for path in robots or [options.run_path]:
+    for path in map(Path, robots or [options.run_path]):
         with show_progress() as progress:
-            checks = validate(
-                path,
-                workers=options.workers,
-                progress=progress,
-                quick=options.quick,
-                full=options.full,
-                samples=options.samples,
-            )
+            own = {"workers": options.workers, "progress": progress}
+            maps = [path] if is_map(path) else maps_in(path) * (not options.quick)
+            checks = list[Check]()
+            if maps != [path]:
+                checks += validate(path, quick=options.quick, full=options.full, samples=options.samples, **own)
+            checks += [check for each in maps for check in validate_map(each, **own)]
         heading = f"{path}:\n" * bool(robots and not options.json)
         print(heading + (as_json(checks) if options.json else as_text(checks)))
         failed |= any(check.passed is False for check in checks)

@@ -48,6 +48,22 @@ class Label(IntEnum):
     AERIAL_VEHICLE = 23
 
 
+class PlantPart(IntEnum):
+    """Part of a plant that a point or pixel is on."""
+
+    NONE = 0
+    """Of no plant, or of one that is drawn as a whole."""
+    STEM = 1
+    """Trunk, or stalk: what grows from the ground, its roots included."""
+    BRANCH = 2
+    LEAF = 3
+    """Leaf or needle that grows on a stem or branch."""
+    FLOWER = 4
+    """Flower, fruit, ear or plume."""
+    BLADE = 5
+    """Blade or leaf that grows from the ground, as grass does."""
+
+
 def as_key(name: str) -> str:
     """Return a name of a class in small letters, with underscores for spaces and hyphens."""
     return name.strip().lower().replace(" ", "_").replace("-", "_")

@@ -79,6 +79,8 @@ class Image(Reading):
     """(h, w, 3) unit normals of the surfaces towards the camera, in its optical frame; 0 for the sky."""
     flow: NDArray[np.float32] | None = None
     """(h, w, 2) [pixel] to the right and down to the camera's next image; NaN where that does not show the point."""
+    part: NDArray[np.uint8] | None = None
+    """(h, w) ``PlantPart``; 0 where no plant is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

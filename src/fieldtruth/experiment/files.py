@@ -95,6 +95,9 @@ def dump_experiment(experiment: Experiment) -> str:
     for each in (values, *values.get("robots", {}).values()):
         if each["control"] is not None and each["control"]["yield_to"] is None:
             del each["control"]["yield_to"]
+        for sensor in (each["rig"] or {}).get("sensors", ()):
+            if not sensor.get("parts", True):
+                del sensor["parts"]
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 

@@ -12,9 +12,10 @@ STREAMS: Final = {
     "instances": ("instances", "sensor_msgs/msg/Image"),
     "normals": ("normals", "sensor_msgs/msg/Image"),
     "flow": ("flow", "sensor_msgs/msg/Image"),
+    "parts": ("parts", "sensor_msgs/msg/Image"),
 }
 """Streams of a view: end of the topic, and type, in the order of its messages."""
-EXTRAS: Final = ("depth", "instances", "normals", "flow")
+EXTRAS: Final = ("depth", "instances", "normals", "flow", "parts")
 """Streams that a camera publishes only if the key of that name is true."""
 IMAGES: Final = {
     "photo": "photograph",
@@ -23,6 +24,7 @@ IMAGES: Final = {
     "instance": "instances",
     "normal": "normals",
     "flow": "flow",
+    "part": "parts",
 }
 """Stream by field of ``core.readings.Image``."""
 

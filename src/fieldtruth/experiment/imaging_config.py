@@ -59,6 +59,7 @@ class ImagingConfig(MountedConfig):
     instances: Boolean = False
     normals: Boolean = False
     flow: Boolean = False
+    parts: Boolean = False
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:

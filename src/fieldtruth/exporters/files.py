@@ -213,6 +213,7 @@ def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
         "instance": lambda name, image: _Encoded({f"instances_{name}": ids_png(image.instance)}),
         "normal": lambda name, image: _Encoded({f"normals_{name}": normals_png(image.normal)}),
         "flow": _flow,
+        "part": lambda name, image: _Encoded({f"parts_{name}": encode_png(image.part)}),
     }
     for view in run.of(Image, recorded=False):
         for part in view.recorded(run.counts):

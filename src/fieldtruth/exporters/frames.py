@@ -223,7 +223,7 @@ class View(NamedTuple):
     """(h, w) class ids."""
     extras: dict[str, NDArray[Any]]
     """``depth`` (h, w) float32 [m] along the optical axis, infinite in the sky, ``instances`` (h, w) ids,
-    ``normals`` (h, w, 3) float32 and ``flow`` (h, w, 2) float32 [pixel]."""
+    ``normals`` (h, w, 3) float32, ``flow`` (h, w, 2) float32 [pixel] and ``parts`` (h, w)."""
 
 
 class Frame(NamedTuple):
@@ -297,7 +297,8 @@ class Frames:
     def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:
         fields = cloud.fields()
         measured = read.MEASURED if "true_range" in fields else ()
-        named = {name: fields[name] for name in ("instance", "ring", "column", "t", *measured) if name in fields}
+        others = ("instance", "ring", "column", "t", "part", *measured)
+        named = {name: fields[name] for name in others if name in fields}
         found = {"xyz": cloud.xyz.astype("<f4"), "label": np.take(self._ids, cloud.label)} | named
         return found | ({"reflectivity": reflectivity(cloud)} if measured else {})
 

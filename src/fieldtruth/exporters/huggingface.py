@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as a folder for Hugging Face's ``datasets``: Parquet files, a card, and Croissant metadata.
 
-There are two tables, configurations in the words of that library: ``images``, a row per photograph, and ``clouds``, a
-row per cloud. Both have a split each.
+Tables, configurations in the words of that library, are ``images``, a row per photograph, ``clouds``, a row per cloud,
+and with options of maps ``maps``, a row per map around the robot. Each has its splits.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -39,6 +39,8 @@ from fieldtruth.exporters.frames import (
 )
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
+from fieldtruth.exporters.local_maps import local_maps_of
+from fieldtruth.local_maps import LocalMaps
 from fieldtruth.ontology import LabelMap
 
 _Row = tuple[dict[str, Any], int]
@@ -69,13 +71,18 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         require_frames(run, clouds=True)
         sources = [*run.of(Image), *run.of(Cloud)]
         run.streams([topic for each in sources for topic in each.topics.values() if topic in run.counts])  # in one pass
-    tables = []
-    for name, columns, kind in (("images", _image_columns(members), Image), ("clouds", _cloud_columns(members), Cloud)):
+    tables, maps = [], dict(local_maps_of(options))
+    contents: list[tuple[str, tuple[Column, ...], Callable[[Member], Iterator[_Row]]]] = [
+        ("images", _image_columns(members), lambda member: _rows(member, "images", Image, options)),
+        ("clouds", _cloud_columns(members), lambda member: _rows(member, "clouds", Cloud, options)),
+        ("maps", _map_columns(maps), lambda member: _map_rows(member, maps[member.name], options)),
+    ]
+    for name, columns, rows_of in contents:
         splits: dict[str, Written] = {}
         for split in SPLITS if columns else ():
             with ParquetFiles(target / name, split, columns, names, options.shard_bytes) as files:
                 for member in members:
-                    for row, size in _rows(member, name, kind, options) if member.split == split else ():
+                    for row, size in rows_of(member) if member.split == split else ():
                         files.add(row, size)
             if files.written.rows:
                 splits[split] = files.written
@@ -145,6 +152,8 @@ def _image_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
             images["instances"] = ids_png(view.extras["instances"]), ".png"
+        if "parts" in view.extras:
+            images["parts"] = encode_png(view.extras["parts"]), ".png"
         about = frame.about[f"{named}s"].get(label, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
         row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, named: label}
@@ -167,6 +176,26 @@ def _cloud_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
     size = sum(values.nbytes for values in row.values())
     row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, ROLES[Cloud].key: sensor}
     return [(row | {"stamp_ns": frame.stamp_ns} | _flat(cloud_about(frame, sensor), "cloud"), size)]
+
+
+def _map_columns(maps: Mapping[str, LocalMaps]) -> tuple[Column, ...]:
+    """Columns of maps around the robot; nothing without maps."""
+    rows = {name: made.rows[name] for made in maps.values() for name in made.names}
+    kinds = {name: f"{np.dtype(row.dtype).name}[]" for name, row in rows.items()}
+    units = {name: f" [{row.unit}]" if row.unit else "" for name, row in rows.items()}
+    abouts = {name: f"{row.description}{units[name]}; (n, n), row by row" for name, row in rows.items()}
+    return (*(Column(name, kinds[name], abouts[name]) for name in rows), *(_COLUMNS["map"] if rows else ()))
+
+
+def _map_rows(member: Member, maps: LocalMaps, options: Options) -> Iterator[_Row]:
+    """Rows of a run's maps around the robot, in time order."""
+
+    def encode(i: int) -> _Row:
+        made = {name: values.ravel() for name, values in maps[i].arrays.items()}
+        row = {name: values if len(values) > 1 else values[0].item() for name, values in made.items()}
+        return {**row, "run": member.name}, sum(values.nbytes for values in made.values())
+
+    return options.each(f"{member.name}: maps", member.run, range(len(maps)), encode)
 
 
 def _flat(about: Mapping[str, Any], *tables: str) -> dict[str, list[float]]:

@@ -159,7 +159,7 @@ def _header(tables: Sequence[Table], members: Sequence[Member], names: Sequence[
     columns = {column.name for table in tables for column in table.columns}
     tasks = ["image-segmentation"] * ("mask" in columns) + ["depth-estimation"] * ("depth" in columns) + ["robotics"]
     rows = sum(written.rows for table in tables[:1] for written in table.splits.values())
-    shown = [{"images": "image", "clouds": "3d"}[table.name] for table in tables]
+    shown = [{"images": "image", "clouds": "3d", "maps": "geospatial"}[table.name] for table in tables]
     return {
         "license": LICENCE if is_own(members) else "unknown",
         "pretty_name": title_of(members),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export the maps around the robot: an NPZ file for each cloud, and what the layers are in ``map.yaml``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,13 @@ from fieldtruth.bag.run import Run
 from fieldtruth.exporters import Options
 from fieldtruth.local_maps import LocalMaps
 from fieldtruth.world_maps.files import ABOUT
+
+
+def local_maps_of(options: Options) -> Iterator[tuple[str, LocalMaps]]:
+    """Yield name and maps of each run of a data set that is to have maps: of which an option of maps is given."""
+    given = options.maps.given()
+    for member in options.members if given else ():
+        yield member.name, LocalMaps(member.run, **given, workers=options.workers, progress=options.progress)
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -26,22 +33,9 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (run,) = runs
     maps = LocalMaps(run, **options.maps.given(), workers=options.workers, progress=options.progress)
     target.mkdir()
-    rows = {name: {"unit": maps.rows[name].unit, "description": maps.rows[name].description} for name in maps.names}
-    about = {"side": maps[0].grid.shape[0] * maps.grid.resolution, "resolution": maps.grid.resolution, "layers": rows}
-    (target / ABOUT).write_text(yaml.safe_dump(about | maps.about, sort_keys=False), encoding="utf-8")
+    (target / ABOUT).write_text(yaml.safe_dump(maps.describe(), sort_keys=False), encoding="utf-8")
 
     def save(stamp_ns: int) -> None:
-        made = maps.at(stamp_ns)
-        grid = {"x0": made.grid.x0, "y0": made.grid.y0, "resolution": made.grid.resolution}
-        np.savez_compressed(
-            target / f"{stamp_ns}.npz",
-            allow_pickle=False,
-            **made.layers,
-            **grid,
-            stamp_ns=np.int64(stamp_ns),
-            world_from_base=made.world_from_base,
-            free_distance=made.free_distance,
-            free_polygon=made.free_polygon,
-        )
+        np.savez_compressed(target / f"{stamp_ns}.npz", allow_pickle=False, **maps.at(stamp_ns).arrays)
 
     list(options.each("maps", run, maps.stamps_ns.tolist(), save))

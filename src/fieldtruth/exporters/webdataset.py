@@ -4,9 +4,10 @@
 
 The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each view ``left.jpg`` (or
 ``left.png``, as recorded), ``left.mask.png``, ``left.npz``, of each sensor of clouds ``cloud.npz`` or
-``NAME.cloud.npz``, and ``json``. Depth and instance ids are arrays in ``npz``, because the library's decoders convert
-every image to 8 bits. Sensors have different rates, so that some clouds, and images of a faster camera, are in no
-frame: files of their own have every cloud of a sensor, and every image of such a camera.
+``NAME.cloud.npz``, with options of maps ``local_map.npz``, and ``json``. Depth and instance ids are arrays in ``npz``,
+because the library's decoders convert every image to 8 bits. Sensors have different rates, so that some clouds, and
+images of a faster camera, are in no frame: files of their own have every cloud of a sensor, and every image of such a
+camera.
 """
 
 import io
@@ -29,7 +30,9 @@ from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import PAPER, SPLITS, Frames, Member, count_common, require_frames, views_of
+from fieldtruth.exporters.local_maps import local_maps_of
 from fieldtruth.exporters.zipped import add_member
+from fieldtruth.local_maps import LocalMaps
 from fieldtruth.ontology import LabelMap
 
 DATASET: Final = "dataset.json"
@@ -65,6 +68,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     labels = options.labels
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
+    maps = dict(local_maps_of(options))
     names = sorted(
         {name for own in contents.values() for name in own}, key=lambda name: (name.startswith("clouds"), name)
     )
@@ -75,7 +79,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
                 if member.split == split and name in contents[member.name]:
                     frames = Frames(member.run, labels, *contents[member.name][name])
                     described[member.name][name] = len(frames)
-                    for sample in _samples(member, frames, name, options):
+                    for sample in _samples(member, frames, name, options, maps.get(member.name)):
                         files.add(sample)
         shards += [{"url": url, "split": split, "content": name, "samples": n} for url, n in files.samples.items()]
     with options.progress.stage("checksums"):
@@ -104,7 +108,9 @@ def _contents(run: Run) -> dict[str, Content]:
     return found | {"clouds" if each.name == PAPER else f"clouds_{each.name}": ([], [each]) for each in clouds}
 
 
-def _samples(member: Member, frames: Frames, content: str, options: Options) -> Iterator[Sample]:
+def _samples(
+    member: Member, frames: Frames, content: str, options: Options, maps: LocalMaps | None
+) -> Iterator[Sample]:
     """Encode the frames of a run, in time order, all with the same parts: a frame may have an empty cloud."""
     empty = frames.empty_clouds()
 
@@ -117,6 +123,8 @@ def _samples(member: Member, frames: Frames, content: str, options: Options) -> 
                 parts[f"{name}.npz"] = npz(view.extras)
         for name, cloud in (empty | frame.clouds).items():
             parts["cloud.npz" if name == PAPER else f"{name}.cloud.npz"] = npz(cloud)
+        if maps is not None:
+            parts["local_map.npz"] = npz(maps.at(frame.stamp_ns).arrays)
         about = {"run": member.name, "split": member.split} | frame.about
         parts["json"] = json.dumps(about, separators=(",", ":")).encode()
         return Sample(f"{member.name}_{frame.stamp_ns:019d}", dict(sorted(parts.items())))

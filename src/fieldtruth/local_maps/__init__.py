@@ -69,6 +69,17 @@ class LocalMap(NamedTuple):
     at most half the side."""
 
     @property
+    def arrays(self) -> Layers:
+        """All of it by name: layers, ``x0``, ``y0``, ``resolution``, ``stamp_ns``, ``world_from_base``, free space."""
+        grid = {
+            "x0": np.array(self.grid.x0),
+            "y0": np.array(self.grid.y0),
+            "resolution": np.array(self.grid.resolution),
+        }
+        own = {"world_from_base": self.world_from_base, "free_distance": self.free_distance}
+        return {**self.layers, **grid, "stamp_ns": np.array(self.stamp_ns), **own, "free_polygon": self.free_polygon}
+
+    @property
     def free_polygon(self) -> Array:
         """Corners (360, 2) [m] of the space that is free around the robot, in its levelled frame: x ahead, y left."""
         return np.asarray(self.free_distance[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1))
@@ -172,6 +183,11 @@ class LocalMaps:
         free_ways(self._free, place[0], place[1], transforms.yaw_from_rotation(pose[:3, :3]) + ANGLES, distance)
         return LocalMap(stamp_ns, grid, {name: found[name] for name in self.names}, pose, distance * resolution)
 
+    @property
+    def world_layers(self) -> Layers:
+        """Layers (n, m) of the world along the path, on ``grid``: those of all maps that do not change with time."""
+        return dict(self._layers)
+
     def sample(self, name: str, points: Array) -> NDArray[Any]:
         """Return a layer's values (n,) of the cells below points (n, 2 or 3) [m] in the world; NaN or 0 beyond."""
         values = self._free if name == "free" else self._layers[name]
@@ -181,6 +197,12 @@ class LocalMaps:
         i, j = cells[inside].astype(int).T
         found[inside] = values[i, j]
         return found
+
+    def describe(self) -> dict[str, Any]:
+        """Return side, resolution, units and descriptions of the layers, the world and names, for a YAML file."""
+        rows = {name: {"unit": self.rows[name].unit, "description": self.rows[name].description} for name in self.names}
+        side = self._count * self.grid.resolution
+        return {"side": side, "resolution": self.grid.resolution, "layers": rows} | self.about
 
     def _area(self, world: World, resolution: float) -> list[float]:
         """Return the rectangle around the path, from the borders of cells of a map of the whole world on."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
-from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
@@ -41,6 +41,23 @@ class TopLevel(NamedTuple):
     world_from_object: Array
     object_id: int
     tint: tuple[float, float, float]  # colour factors
+
+
+class PartCodes(NamedTuple):
+    """Hits that have a code instead of a class, and the class and ``PlantPart`` (256,) of each code.
+
+    So the same rays in the same packets find both. Codes without a part are the classes themselves.
+    """
+
+    hits: HitTable
+    label: NDArray[np.uint8]
+    part: NDArray[np.uint8]
+
+    def decode(self, codes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the parts of codes of any shape, which are overwritten by their classes."""
+        part = np.take(self.part, codes)
+        codes[...] = np.take(self.label, codes)
+        return part
 
 
 class Scene:
@@ -183,6 +200,26 @@ class Scene:
         scene, out = self.rays.handle, np.empty(_count(bundle), np.bool_)
         _in_blocks(bundle, workers, lambda packet, span: int(block_rays(scene, packet, bundle, span, out)))
         return out
+
+    @cached_property
+    def part_codes(self) -> PartCodes:
+        """Codes of what sensors with ``parts`` hit.
+
+        Raises:
+            ConfigurationError: a user's own classes leave too few ids for codes.
+        """
+        label = self.hits.face_label
+        part = np.concatenate([*(mesh.face_parts for mesh in self.meshes), np.zeros(0, np.uint8)])
+        pairs = np.stack([label[part > 0], part[part > 0]])
+        own = np.unique(pairs[0].astype(np.int64) << 8 | pairs[1])
+        free = np.setdiff1d(np.arange(len(Label), 256), [row.label for row in self.world.classes.coloured])
+        if len(free) < len(own):
+            raise ConfigurationError(f"parts need {len(own)} ids that no class has, and {len(free)} are free")
+        codes, codes_label, codes_part = label.copy(), np.arange(256, dtype=np.uint8), np.zeros(256, np.uint8)
+        found = free[: len(own)]
+        codes[part > 0] = found[np.searchsorted(own, pairs[0].astype(np.int64) << 8 | pairs[1])]
+        codes_label[found], codes_part[found] = own >> 8, own & 255
+        return PartCodes(self.hits._replace(face_label=codes), codes_label, codes_part)
 
     @cached_property
     def _cast_table(self) -> CastTable:

@@ -116,7 +116,7 @@ INDEPENDENT_RAYS: Final[Spec] = Spec("independent rays", (SAME_RAYS,), "rays tra
 NOTHING: Final = 0.0
 """Range of a ray that hit nothing."""
 UNKNOWN: Final = -1
-"""Instance of a ray whose sensor does not measure it."""
+"""Instance or part of a ray whose sensor does not measure it."""
 RAYS: Final = 16
 """Rays of a sampled cloud or image that the second tracer checks."""
 DIFFERING: Final = 200
@@ -146,12 +146,15 @@ class RayReading(NamedTuple):
     """Origin and direction in base_link."""
     stamp_ns: int = 0
     """True time, which matters where bodies move."""
+    part: int = UNKNOWN
+    """``PlantPart``."""
 
     def __str__(self) -> str:
         if self.range_m == NOTHING:
             return f"{self.where}: {'no return' if self.pulsed else 'sky'}"
         instance = "" if self.instance == UNKNOWN else f" of object {self.instance}"
-        return f"{self.where}: class {self.label}{instance} at {self.range_m:.4f} m"
+        part = "" if self.part == UNKNOWN else f", part {self.part},"
+        return f"{self.where}: class {self.label}{part}{instance} at {self.range_m:.4f} m"
 
 
 class _Candidate(NamedTuple):
@@ -160,6 +163,7 @@ class _Candidate(NamedTuple):
     range_m: float
     tolerance: float
     classes: ClassTable = CLASSES
+    part: int = 0
 
     @property
     def last(self) -> float:
@@ -168,7 +172,8 @@ class _Candidate(NamedTuple):
 
     def __str__(self) -> str:
         names = " or ".join(sorted(self.classes[label].name for label in self.labels))
-        return f"{names} of object {self.instance} at {self.range_m:.4f} m"
+        part = f", part {self.part}," if self.part else ""
+        return f"{names}{part} of object {self.instance} at {self.range_m:.4f} m"
 
     def agrees(self, reading: RayReading) -> bool:
         """Return whether a reading may be of this surface."""
@@ -178,7 +183,8 @@ class _Candidate(NamedTuple):
             return not seen or not returning
         seen = reading.near - self.tolerance < self.range_m < reading.far + self.tolerance
         same_range = not np.isfinite(reading.range_m) or abs(reading.range_m - self.range_m) <= self.tolerance
-        return seen and same_range and reading.label in returning and reading.instance in (self.instance, UNKNOWN)
+        same = reading.instance in (self.instance, UNKNOWN) and reading.part in (self.part, UNKNOWN)
+        return seen and same_range and reading.label in returning and same
 
 
 def mismatches(
@@ -205,7 +211,8 @@ def mismatches(
             labels = {int(hits.label[k])}
             if labels == {TERRAIN}:
                 labels = _trail_labels(world, origins[ray] + range_m * directions[ray], range_m, float(hits.cosine[k]))
-            candidates.append(_Candidate(labels, int(hits.instance[k]), range_m, float(tolerance[k]), classes))
+            own_id, part = int(hits.instance[k]), int(hits.part[k])
+            candidates.append(_Candidate(labels, own_id, range_m, float(tolerance[k]), classes, part))
             if opaque[k]:
                 end = min(end, candidates[-1].last)
         candidates += [candidate for candidate, _ in own if candidate.range_m - candidate.tolerance <= end]

@@ -116,6 +116,8 @@ class Hits(NamedTuple):
     range_m: Array
     label: NDArray[np.uint8]
     instance: Index
+    part: NDArray[np.uint8]
+    """``PlantPart``."""
     margin: Array
     """Distance [m] to the nearest edge of the triangle, in its plane; below 0 outside."""
     cosine: Array
@@ -129,6 +131,7 @@ class _Solid(NamedTuple):
 
     corners: Array
     label: NDArray[np.uint8]
+    part: NDArray[np.uint8]
     low: Array
     high: Array
 
@@ -143,11 +146,12 @@ class _Placed(NamedTuple):
 
 
 class _Triangles(NamedTuple):
-    """Corners (n, 3, 3), class and instance id (n,)."""
+    """Corners (n, 3, 3), class, instance id and part (n,)."""
 
     corners: Array
     label: NDArray[np.uint8]
     instance: Index
+    part: NDArray[np.uint8]
 
 
 class ReferenceTracer:
@@ -157,14 +161,14 @@ class ReferenceTracer:
         self.world, self.side, self._bodies = world, max(world.size), bodies
         self._labels = labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
-        meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
+        meshes: dict[str, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
         poses: dict[str, list[tuple[Array, int]]] = {}
 
         def place(mesh: Mesh, pose: Array, instance: int) -> None:
             name = f"mesh {mesh.name}"
             if name not in meshes:
                 label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
-                meshes[name] = mesh.vertices.astype(np.float64)[mesh.faces], label
+                meshes[name] = mesh.vertices.astype(np.float64)[mesh.faces], label, mesh.face_parts
             poses.setdefault(name, []).append((pose, instance))
 
         if world.backdrop is not None:
@@ -191,14 +195,15 @@ class ReferenceTracer:
         """
         nothing = np.zeros(0)
         index, flags = nothing.astype(int), nothing.astype(np.bool_)
-        found = [Hits(index, nothing, nothing.astype(np.uint8), index, nothing, nothing, flags)]
+        none = nothing.astype(np.uint8)
+        found = [Hits(index, nothing, none, index, none, nothing, nothing, flags)]
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
             ground = self._ground.near(origins[rays], directions[rays], limit[rays]) if self._ground is not None else ()
             for row, corners in ground:
                 ray = rays[row]
                 label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
-                triangles = _Triangles(corners, label, instance)
+                triangles = _Triangles(corners, label, instance, np.zeros(len(ray), np.uint8))
                 found.append(_hits_on(triangles, ray, origins[ray], directions[ray], limit[ray], self.side))
             start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
             for name, placed in self._placed.items():
@@ -226,7 +231,7 @@ class ReferenceTracer:
         for ray in np.flatnonzero(away <= np.linalg.norm(vertices, axis=1).max() + SKIN):
             corners = (vertices @ poses[ray, :3, :3].T + poses[ray, :3, 3])[mesh.faces]
             rays = np.full(len(corners), ray)
-            triangles = _Triangles(corners, label, instance)
+            triangles = _Triangles(corners, label, instance, mesh.face_parts)
             yield _hits_on(triangles, rays, origins[rays], directions[rays], limit[rays], self.side)
 
     def _hits_of(
@@ -247,7 +252,7 @@ class ReferenceTracer:
                 inside = face < len(solid.corners)
                 face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
                 of, label, instance = ray[pair_of], solid.label[face], placed.instance[row[pair_of]]
-                triangles = _Triangles(solid.corners[face], label, instance)
+                triangles = _Triangles(solid.corners[face], label, instance, solid.part[face])
                 found.append(_hits_on(triangles, of, start[pair_of], ahead[pair_of], limit[of], self.side))
         return found
 
@@ -263,16 +268,16 @@ def resolution(range_m: Array, side: float) -> Array:
 
 def _hits_on(triangles: _Triangles, ray: Index, start: Array, ahead: Array, limit: Array, side: float) -> Hits:
     """Hits of rays on triangles, pair by pair; rays are given in their frame, in a world of a greatest side [m]."""
-    corners, label, instance = triangles
+    corners, label, instance, part = triangles
     range_m, margin, cosine = _intersect(corners, start, ahead)
     margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
     front, cosine = cosine < 0, np.abs(cosine)
     hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
     hit &= margin > -resolution(range_m, side) / np.maximum(cosine, _PARALLEL)
-    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit], front[hit])
+    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], part[hit], margin[hit], cosine[hit], front[hit])
 
 
-def _grouped(corners: Array, label: NDArray[np.uint8]) -> _Solid:
+def _grouped(corners: Array, label: NDArray[np.uint8], part: NDArray[np.uint8]) -> _Solid:
     """Sort triangles along a Morton curve, so that neighbours share a box."""
     middle = corners.mean(axis=1)
     cell = (middle - middle.min(axis=0)) / max(1e-9, float(np.ptp(middle, axis=0).max()))
@@ -284,7 +289,8 @@ def _grouped(corners: Array, label: NDArray[np.uint8]) -> _Solid:
     order = np.argsort(code, kind="stable")
     corners, starts = corners[order], np.arange(0, len(corners), _GROUP)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    return _Solid(corners, label[order], np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts))
+    low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+    return _Solid(corners, label[order], part[order], low, high)
 
 
 def _placed(solid: _Solid, poses: list[tuple[Array, int]]) -> _Placed:

@@ -176,6 +176,7 @@ def _cut(mesh: Mesh, pose: Array, half: Array) -> Mesh:
         uv=vertices[used, 6:].astype(np.float32),
         faces=number.reshape(-1, 3).astype(np.int32),
         material=mesh.material[rows],
+        part=None if mesh.part is None else mesh.part[rows],
     )
 
 

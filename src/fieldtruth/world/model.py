@@ -117,6 +117,13 @@ class Mesh:
     """True: a robot passes through it, whatever its class; it has no colliders."""
     axis: NDArray[np.float32] | None = None
     """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
+    part: NDArray[np.uint8] | None = None
+    """``PlantPart`` (f,) of each face; None for what is no plant."""
+
+    @property
+    def face_parts(self) -> NDArray[np.uint8]:
+        """``PlantPart`` (f,) of each face, 0 for what is no plant."""
+        return np.zeros(len(self.faces), np.uint8) if self.part is None else self.part
 
 
 def make_mesh(
@@ -159,6 +166,7 @@ def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
         colliders=tuple(c for part in parts for c in part.colliders),
         footprint=footprint,
         species=tuple(dict.fromkeys(s for part in parts for s in part.species)),
+        part=np.concatenate([p.face_parts for p in parts]) if any(p.part is not None for p in parts) else None,
     )
 
 

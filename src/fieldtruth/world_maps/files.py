@@ -6,6 +6,7 @@ Layers are arrays over x and y. A GeoTIFF has north at the top, which is x, and 
 both axes are turned round. So are the matrices of grid_map, which begin at the greatest x and y.
 """
 
+import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -63,7 +64,8 @@ def about(made: MadeMap) -> dict[str, Any]:
     """Return what a reader of the layers needs to know, for a YAML file."""
     grid = made.grid
     return {
-        "world": {"name": made.world.name, "seed": made.world.seed, "origin": [float(v) for v in made.world.origin]},
+        "world": {"name": made.world.name, "seed": made.world.seed, "origin": [float(v) for v in made.world.origin]}
+        | ({"layout": dict(made.world.layout)} if made.world.layout else {}),
         "grid": {"x0": grid.x0, "y0": grid.y0, "resolution": grid.resolution, "shape": list(grid.shape)},
         "layers": {
             name: {"unit": made.rows[name].unit, "description": made.rows[name].description} for name in made.layers
@@ -126,29 +128,38 @@ def _blocks(count: int) -> Iterator[tuple[int, int]]:
 # Fields as in grid_map_msgs of ROS 1, so that the MD5 sums are those of ANYbotics' package.
 _INFO_TYPE, GRID_MAP_TYPE = "grid_map_msgs/msg/GridMapInfo", "grid_map_msgs/msg/GridMap"
 _INFO = "std_msgs/Header header\nfloat64 resolution\nfloat64 length_x\nfloat64 length_y\ngeometry_msgs/Pose pose\n"
+LATCHED_TOPICS: Final = (Topic(TOPIC, GRID_MAP_TYPE, None), Topic(NAMES_TOPIC, "std_msgs/msg/String", None))
 _GRID_MAP = (
     "grid_map_msgs/GridMapInfo info\nstring[] layers\nstring[] basic_layers\nstd_msgs/Float32MultiArray[] data\n"
     "uint16 outer_start_index\nuint16 inner_start_index\n"
 )
 
 
-def _write_grid_map(made: MadeMap, target: Path) -> None:
-    """Write a bag of one latched message with all layers, and one with names of classes, surfaces and soils."""
+def grid_map_message(grid: Grid, layers: Layers, stamp_ns: int = STAMP_NS, number: int = 0) -> bytes:
+    """Serialise grid_map_msgs/GridMap of layers (n, m), the ``number``-th of its topic."""
     info, grid_map = register(_INFO, _INFO_TYPE), register(_GRID_MAP, GRID_MAP_TYPE)
-    grid = made.grid
     length_x, length_y = (count * grid.resolution for count in grid.shape)
     pose = noetic.geometry_msgs__msg__Pose(
         noetic.geometry_msgs__msg__Point(grid.x0 + length_x / 2, grid.y0 + length_y / 2, 0.0),
         noetic.geometry_msgs__msg__Quaternion(0.0, 0.0, 0.0, 1.0),
     )
-    data = [_matrix(values) for values in made.layers.values()]
-    own = info(header(0, STAMP_NS, WORLD), grid.resolution, length_x, length_y, pose)
-    message = grid_map(own, list(made.layers), [], data, 0, 0)
-    topics = [Topic(TOPIC, GRID_MAP_TYPE, None), Topic(NAMES_TOPIC, "std_msgs/msg/String", None)]
-    with BagWriter(target, topics) as bag:
-        bag.write(TOPIC, STAMP_NS, serialize(message, GRID_MAP_TYPE))
-        text = noetic.std_msgs__msg__String(yaml.safe_dump(about(made), sort_keys=False))
-        bag.write(NAMES_TOPIC, STAMP_NS, serialize(text, "std_msgs/msg/String"))
+    own = info(header(number, stamp_ns, WORLD), grid.resolution, length_x, length_y, pose)
+    message = grid_map(own, list(layers), [], [_matrix(values) for values in layers.values()], 0, 0)
+    return serialize(message, GRID_MAP_TYPE)
+
+
+def names_message(text: Mapping[str, Any]) -> bytes:
+    """Serialise std_msgs/String: what is in the layers, as YAML."""
+    message = noetic.std_msgs__msg__String(yaml.safe_dump(dict(text), sort_keys=False))
+    return serialize(message, "std_msgs/msg/String")
+
+
+def _write_grid_map(made: MadeMap, target: Path) -> None:
+    """Write a bag of one latched message with all layers, and one with names of classes, surfaces and soils."""
+    data = grid_map_message(made.grid, made.layers)
+    with BagWriter(target, LATCHED_TOPICS) as bag:
+        bag.write(TOPIC, STAMP_NS, data)
+        bag.write(NAMES_TOPIC, STAMP_NS, names_message(about(made)))
 
 
 def _matrix(values: NDArray[Any]) -> Any:
@@ -171,6 +182,8 @@ def _write_npz(made: MadeMap, target: Path) -> None:
     with target.open("wb") as file:
         grid = {"x0": np.float64(x0), "y0": np.float64(y0), "resolution": np.float64(resolution)}
         world = {"origin": np.array(made.world.origin), "world": np.array(identity(made.world))}
+        if made.world.layout:
+            world["layout"] = np.array(json.dumps(dict(made.world.layout)))
         np.savez_compressed(file, allow_pickle=False, **made.layers, **names, **grid, **world)
 
 

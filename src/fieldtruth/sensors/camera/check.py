@@ -49,7 +49,7 @@ TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,), "pixels", "no tag imag
 DEPTH_RANGE: Final = Rule("depth is infinite on the sky and within the camera's range elsewhere")
 _NO_DEPTH: Final = "no depth images: generate --extras depth makes them"
 DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,), "pixels", _NO_DEPTH)
-SAME_PIXELS: Final = Rule("cameras see the same classes, depths and instance ids in the rebuilt world (sample)")
+SAME_PIXELS: Final = Rule("cameras see the same classes, depths, instance ids and parts in the rebuilt world (sample)")
 EQUAL_IMAGES: Final = Rule("images made as here are equal to the last digit", minor=True)
 _NO_TAGS: Final = "no tag images, or no true motion"
 RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
@@ -62,7 +62,7 @@ _PHOTOGRAPH_RULES: Final = (SAME_PHOTOGRAPH, SAME_MEAN, EQUAL_PHOTOGRAPHS)
 PHOTOGRAPHS: Final[Spec] = Spec("photographs", _PHOTOGRAPH_RULES, "photographs", _NO_TAGS)
 _BLOCK: Final = 8
 _NO_RAY: Final = 1e-6  # [m]
-_ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
+_ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1", "parts": "mono8"}
 _WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
 """Encodings where ids do not fit into 16 bits."""
 _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
@@ -70,6 +70,7 @@ _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
     "tag": read.image,
     "depth": read.depth,
     "instances": read.instances,
+    "parts": read.parts,
 }
 
 
@@ -159,6 +160,7 @@ class _Pixels(NamedTuple):
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16] | NDArray[np.uint32] | None
     depth: Array | None
+    part: NDArray[np.uint8] | None
     photograph: NDArray[np.uint8] | None
 
 
@@ -168,7 +170,7 @@ class RetracedImages(CameraFrameChecker):
     def __init__(
         self, context: Context, rebuilt: SensorWorld, reference: RayReference, sampler: Sampler, *, full: bool
     ) -> None:
-        super().__init__(context, ("tag", "depth", "instances", *["photograph"] * full))
+        super().__init__(context, ("tag", "depth", "instances", "parts", *["photograph"] * full))
         self._rebuilt, self._reference, self._sampler, self._full = rebuilt, reference, sampler, full
         self.tallies = [context.tally(RETRACED_IMAGES), context.tally(PHOTOGRAPHS)]
         notes = "all images" if full else "a sample of the images", context.made_elsewhere
@@ -211,6 +213,7 @@ class RetracedImages(CameraFrameChecker):
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
                 UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, pulsed=False,
                 in_base=(mount[:3, 3], mount[:3, :3] @ along), stamp_ns=frame.stamp_ns,
+                part=UNKNOWN if bag.part is None else int(bag.part[v, u]),
             )  # fmt: skip
 
         same, equal = _same(bag, own)
@@ -250,6 +253,7 @@ def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
                 read.labels(read.image(parts["tag"]), frame.classes),
                 read.instances(parts["instances"]) if "instances" in parts else None,
                 read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
+                read.parts(parts["parts"]) if "parts" in parts else None,
                 read.image(parts["photograph"]) if "photograph" in parts else None,
             )
     except (FieldtruthError, ValueError):
@@ -262,6 +266,8 @@ def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
     same = bag.label == own.label
     if bag.instance is not None:
         same &= bag.instance == own.instance
+    if bag.part is not None:
+        same &= bag.part == own.part
     equal = bool(same.all())
     if bag.depth is not None:
         depth = np.where(own.depth > 0, own.depth, np.inf).astype(np.float64)

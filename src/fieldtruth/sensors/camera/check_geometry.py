@@ -45,7 +45,7 @@ from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import LabelledPoints
 
-PARTS: Final = ("photograph", "tag", "depth", "instances")
+PARTS: Final = ("photograph", "tag", "depth", "instances", "parts")
 """Streams of which a frame consists."""
 WAITING: Final = 3
 """Frames of each view of which parts are awaited; each has some megabytes."""

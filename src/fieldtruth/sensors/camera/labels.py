@@ -8,7 +8,7 @@ camera, and the sky is infinitely far. A ray from the next pose to the point fin
 """
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,11 @@ class LabelImages:
     normal: Float32Array = field(default_factory=lambda: NO_NORMALS.image)
     """(h, w, 3) unit normal of the triangle, towards the camera, in the optical frame; 0 where depth is. It has no
     pixels unless the camera's ``normals`` are on."""
+    part: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
+    """(h, w) ``PlantPart``; it has no pixels unless the camera's ``parts`` are on."""
+
+
+Images = TypeVar("Images", bound=LabelImages)
 
 
 class LabelCamera:
@@ -73,6 +78,8 @@ class LabelCamera:
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
         axes = [top.world_from_object[:3, :3] for top in scene.top_levels]
         self._axes = np.array(axes * config.normals).reshape(-1, 3, 3)
+        self._codes = scene.part_codes if config.parts else None
+        self._hits = scene.hits if self._codes is None else self._codes.hits
         self.last: LabelImages | None = None
         """The images that the next call overwrites, of a camera with ``reuse``."""
 
@@ -84,9 +91,15 @@ class LabelCamera:
         images = self._own_images()
         out = self._buffers(images)
         view, interval = self._view(world_from_optical), self._interval(world_from_optical, stamp_ns, stamp_ns)
-        label_image(interval.rays, self.scene.hits, self._packet, view, self._batch, out)
+        label_image(interval.rays, self._hits, self._packet, view, self._batch, out)
         if robot is not None:
             hide_world(robot, out)
+        return self._decoded(images)
+
+    def _decoded(self, images: Images) -> Images:
+        """Return images whose classes, which were codes, are classes and parts."""
+        if self._codes is not None:
+            images.part[:] = self._codes.decode(images.label)
         return images
 
     def flow(
@@ -189,6 +202,7 @@ class LabelCamera:
             instance=np.empty((h, w), np.uint32),
             depth=np.empty((h, w), np.float32),
             normal=normal,
+            part=np.empty((h * self.config.parts, w), np.uint8),
         )
 
     def _buffers(self, images: LabelImages) -> LabelBuffers:

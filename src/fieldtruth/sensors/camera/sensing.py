@@ -68,7 +68,7 @@ class IdealCamera(LabelCamera):
         self, config: ImagingConfig, baked: BakedScene, *, reuse: bool = False, exposure: float | None = None
     ) -> None:
         super().__init__(config, baked.scene, reuse=reuse)
-        self._shading = baked.shading
+        self._shading = baked.shading._replace(hits=self._hits)
         if exposure is not None:
             self._shading = self._shading._replace(exposure=np.float32(exposure))
         buffers = new_framebuffer(config.height, config.width)
@@ -85,7 +85,7 @@ class IdealCamera(LabelCamera):
         if robot is not None:
             self._paint(robot, world_from_optical, interval, labels)
         tonemap(self._framebuffer.linear, images.photo)
-        return images
+        return self._decoded(images)
 
     def _lit(self, interval: Interval, robot: RobotView | None = None) -> Shading:
         """Return the light, with what moves, and the shadow of the robot."""
@@ -429,7 +429,7 @@ class Camera(IdealCamera):
         images = self.expose(imager, stamp_ns, world_from_base, metered[0].time_s, robot)
         if robot is not None:
             self._paint(robot, pose, self._interval(pose, stamp_ns, stamp_ns), self._buffers(images))
-        return Light(images, metered)
+        return Light(self._decoded(images), metered)
 
     def develop(
         self, light: Light, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt
@@ -520,7 +520,7 @@ class Camera(IdealCamera):
         if count == 1 and skewed < _STILL:
             render_linear(shading, self._framebuffer, view, labels)
             return images
-        label_image(interval.rays, self.scene.hits, self._packet, view, self._batch, labels)
+        label_image(interval.rays, self._hits, self._packet, view, self._batch, labels)
         rows = (np.arange(strips_of(self.config.height)) + 0.5) * STRIP
         read = (rows / self.config.height - 0.5) * read_s
         times = ((np.arange(count) + 0.5) / count - 0.5)[:, None] * time_s + read

@@ -101,6 +101,11 @@ def flow(seq: int, stamp_ns: int, frame: str, pixels: NDArray[np.float32]) -> by
     return _image(seq, stamp_ns, frame, "32FC2", pixels.astype("<f4", copy=False))
 
 
+def parts(seq: int, stamp_ns: int, frame: str, part: NDArray[np.uint8]) -> bytes:
+    """Serialise sensor_msgs/Image, mono8: parts of plants (h, w)."""
+    return _image(seq, stamp_ns, frame, "mono8", part)
+
+
 def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[Any]) -> bytes:
     height, width = pixels.shape[:2]
     head = ros.header(seq, stamp_ns, frame)
@@ -228,6 +233,8 @@ class CameraSensor(Sensor):
             yield normals(number, stamp, frame, reading.normal)
         if config.flow and reading.flow is not None:
             yield flow(number, stamp, frame, reading.flow)
+        if config.parts and reading.part is not None:
+            yield parts(number, stamp, frame, reading.part)
 
     def _image(self, images: CameraImages, imager: Imager, at: At) -> Image:
         return Image(
@@ -239,6 +246,7 @@ class CameraSensor(Sensor):
             instance=images.instance,
             normal=images.normal if self.config.normals else None,
             flow=self._flow(images, imager, at) if self.config.flow else None,
+            part=images.part if self.config.parts else None,
         )
 
     def _flow(self, images: CameraImages, imager: Imager, at: At) -> NDArray[np.float32]:

@@ -38,7 +38,7 @@ from fieldtruth.sensors.lidar.sensing import (
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
-from fieldtruth.validation.rays import RayReading, RayReference, close
+from fieldtruth.validation.rays import UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.world import ClassComparison, ObjectClasses
 
 BIAS: Final = Rule("ranges have no bias, within 5 standard errors and 2 %")
@@ -96,6 +96,7 @@ class DenseCloud(NamedTuple):
     xyz: NDArray[np.float32]
     label: NDArray[np.uint16]
     instance: NDArray[np.uint32]
+    part: NDArray[np.uint8]
 
     @classmethod
     def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "DenseCloud":
@@ -106,19 +107,20 @@ class DenseCloud(NamedTuple):
             np.zeros((count, 3), np.float32),
             np.zeros(count, np.uint16),
             np.zeros(count, np.uint32),
+            np.zeros(count, np.uint8),
         ]
-        for part, value in zip(parts, values, strict=True):
+        for part, value in zip(parts, values, strict=config.parts):
             part[number[inside]] = value[inside]
         return cls(*parts)
 
     def first(self, count: int) -> "DenseCloud":
         """The values of the first ``count`` rays."""
-        return DenseCloud(self.xyz[:count], self.label[:count], self.instance[:count])
+        return DenseCloud._make(values[:count] for values in self)
 
     def labelled_as(self, other: "DenseCloud", where: Mask) -> "DenseCloud":
-        """The same with class and instance of another one where ``where`` is true."""
+        """The same with class, instance and part of another one where ``where`` is true."""
         label, instance = np.where(where, other.label, self.label), np.where(where, other.instance, self.instance)
-        return DenseCloud(self.xyz, label, instance)
+        return DenseCloud(self.xyz, label, instance, np.where(where, other.part, self.part))
 
 
 def expected_signal(signal: LidarSignal, echoes: EchoBuffers) -> Array:
@@ -381,7 +383,8 @@ class RetracedClouds(Checker):
             directions = rays_at(config, raw.stamp_ns)
             cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
+            part = [cloud["part"]] * config.parts
+            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"], *part)
         except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
@@ -389,7 +392,8 @@ class RetracedClouds(Checker):
             lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
-        own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+        part = [scan.part] * config.parts
+        own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance, *part)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:
@@ -399,6 +403,7 @@ class RetracedClouds(Checker):
             # A particle or an edge may have made the echo; the true range is that of the middle of the beam.
             bag = bag.labelled_as(own, (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1))
         same = np.equal(bag.label, own.label)[checked] & np.equal(bag.instance, own.instance)[checked]
+        same &= np.equal(bag.part, own.part)[checked]
         equal = bool(same.all()) and np.array_equal(bag.xyz[checked], own.xyz[checked])
         same &= close(bag.xyz[checked], own.xyz[checked]).all(axis=1)
 
@@ -414,12 +419,13 @@ class RetracedClouds(Checker):
                 range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, pulsed=True,
                 in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
                 stamp_ns=raw.stamp_ns + int(ray_times_ns(config)[column, ring]) * config.spinning,
+                part=int(bag.part[k]) if config.parts else UNKNOWN,
             )  # fmt: skip
 
-        part = self._tally.part()
+        tally = self._tally.part()
         if config.signal is None and not self._context.made_elsewhere:
-            part[EQUAL_CLOUDS].see(equal, at(raw))
-        return [part, self._reference.compare(part[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
+            tally[EQUAL_CLOUDS].see(equal, at(raw))
+        return [tally, self._reference.compare(tally[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
 
     def _add_noise(self, config: LidarConfig, cloud: NDArray[np.void], aimed: tuple[Array, int], columns: int) -> None:
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""

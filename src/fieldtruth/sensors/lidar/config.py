@@ -103,6 +103,7 @@ class LidarConfig(ScanningConfig):
     sections: ClassVar[Mapping[str, Section]] = {"lidar": Section()}
     switch: ClassVar[str] = "lidar"
     datasheet: ClassVar[str] = "os1_64_gen1"
+    extras: ClassVar[tuple[str, ...]] = ("parts",)
 
     kind: Literal["lidar"] = "lidar"
     name: SensorName = "lidar"
@@ -120,6 +121,8 @@ class LidarConfig(ScanningConfig):
 
     intensity: Annotated[Intensity, Field(description="class or reflectivity")] = "class"
     """Of points: the class id, as in the paper, or with a ``signal`` the reflectivity, 1 for a white surface."""
+    parts: Boolean = False
+    """True: points have the field ``part``, a ``PlantPart``."""
     organised: Boolean = False
     """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
     signal: LidarSignal | None = None
@@ -142,7 +145,8 @@ class LidarConfig(ScanningConfig):
         ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
         own = _MAKERS[maker] if maker else _RING
         measured = [] if self.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
-        return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
+        part = [("part", "|u1")] * self.parts
+        return np.dtype([*_XYZI, *time, *own, *ids, *measured, *part], align=True)
 
     def cloud_fields(self) -> dict[str, str]:
         """Return NumPy's type of each field of its clouds."""

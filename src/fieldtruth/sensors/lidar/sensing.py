@@ -51,6 +51,9 @@ from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
 from fieldtruth.world.model import ROBOT_ID, Material, Raster, Terrain, World
 from fieldtruth.world.seasons.change import hidden_share
 
+CLASS_ITSELF: Final = np.arange(256, dtype=np.uint8)
+"""Class of a code where the hit table has classes."""
+
 
 def column_times_ns(config: LidarConfig) -> NDArray[np.int64]:
     """Times (columns,) [ns] after the stamp at which the columns of a spinning LiDAR begin."""
@@ -138,7 +141,8 @@ def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
 
 def _new_scan(count: int) -> Scan:
     kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32)
-    return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
+    none = np.zeros(0, np.uint8)
+    return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds), part=none)  # type: ignore[misc, arg-type]
 
 
 SNOW: Final = 0.85
@@ -257,7 +261,8 @@ def _ground(world: World) -> Grid:
 def new_reading(count: int) -> Reading:
     """Return an empty reading of so many points."""
     kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, *3 * (np.float32,), np.uint8, np.uint8)
-    return Reading(np.zeros((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
+    none = np.zeros(0, np.uint8)
+    return Reading(np.zeros((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds), part=none)  # type: ignore[misc, arg-type]
 
 
 def limit_of(signal: LidarSignal) -> float:
@@ -315,8 +320,8 @@ class WeatherInAir:
         add_weather(self._air, self._least, key, upwards, directions, echoes)
 
 
-def sub_rays_of(signal: LidarSignal) -> SubRays:
-    """Rays of a beam of a signal: one, or at least three of them.
+def sub_rays_of(signal: LidarSignal, class_of: NDArray[np.uint8] = CLASS_ITSELF) -> SubRays:
+    """Rays of a beam of a signal: one, or at least three of them; ``class_of`` (256,) of codes in the hit table.
 
     A beam's irradiance is a Gaussian of the angle, exp(-r^2 / 2 s^2) with s = FWHM / sqrt(8 ln 2). One ray in its
     middle with half of the power, and the others in a ring of radius 2 s with the rest, have its moments up to the
@@ -346,9 +351,11 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
         range_m=np.zeros(memory),
         clear=np.zeros(memory),
         power=np.zeros(memory),
+        code=np.zeros(memory, np.int64),
         label=np.zeros(memory, np.int64),
         instance=np.zeros(memory, np.int64),
         order=np.zeros(count, np.int64),
+        class_of=class_of,
     )
 
 
@@ -384,7 +391,9 @@ class IdealLidar:
         returns[[int(label) for label in NO_RETURN]] = False
         directions, time = ray_directions(config), np.zeros(config.columns + 1)
         self._beams = Beams(directions, ring_lag(config), config.min_range, config.max_range, returns, time)
-        self._rays = self._middle = sub_rays_of(LidarSignal())
+        self._codes = scene.part_codes if config.parts else None
+        self._class_of = CLASS_ITSELF if self._codes is None else self._codes.label
+        self._rays, self._middle = sub_rays_of(LidarSignal(), self._class_of), sub_rays_of(LidarSignal())
         self.workers = 1
         """Threads that trace a scan together; they change no bit of it."""
         self._others = list[SubRays]()  # memory of the other threads
@@ -408,7 +417,7 @@ class IdealLidar:
         collect_returns(self._beams.directions, self._echoes, found)
         if traced.moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found
+        return found if self._codes is None else found._replace(part=self._codes.decode(found.label))
 
     def trace(self, world_from_lidar: Array, stamp_ns: int) -> Traced:
         """Fill the buffers of echoes from poses, as ``scan`` takes them.
@@ -431,11 +440,11 @@ class IdealLidar:
 
     def _trace_columns(self, scene: SceneRays, poses: Array) -> None:
         """Fill the buffers of echoes, each thread a span of columns."""
-        hits, columns = self.scene.hits, self.config.columns
+        hits, columns = self.scene.hits if self._codes is None else self._codes.hits, self.config.columns
         tiles = -(-columns // TILE_COLUMNS)
         bounds = [min(tiles * k // self.workers * TILE_COLUMNS, columns) for k in range(self.workers + 1)]
         while len(self._others) < self.workers - 1:
-            self._others.append(sub_rays_of(self.config.signal or LidarSignal()))
+            self._others.append(sub_rays_of(self.config.signal or LidarSignal(), self._class_of))
 
         def trace(work: tuple[SubRays, tuple[int, int]]) -> None:
             trace_echoes(scene, hits, self._surfaces, poses, self._beams, *work, self._echoes)
@@ -518,7 +527,8 @@ class Lidar(IdealLidar):
             in_air = WeatherInAir(config, weather, float(scene.world.terrain.surface.heights.min()))
         self._in_air = in_air
         self._seed = scene.world.seed if seed is None else seed
-        self._receiver, self._rays, self._surfaces = receiver_of(signal), sub_rays_of(signal), surface_table(scene)
+        self._receiver, self._surfaces = receiver_of(signal), surface_table(scene)
+        self._rays = sub_rays_of(signal, self._class_of)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
 
@@ -545,7 +555,7 @@ class Lidar(IdealLidar):
         found = Reading._make(values[:count].copy() for values in self._points)
         if traced.moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found
+        return found if self._codes is None else found._replace(part=self._codes.decode(found.label))
 
     def echoes(self, world_from_lidar: Array, stamp_ns: int = 0) -> EchoBuffers:
         """Echoes before what the air and the receiver make of them; overwritten by the next scan."""

@@ -40,9 +40,7 @@ def point_cloud(
     [ns] the time of the ray, and its ``tag`` zero: a sure return. An organised cloud has a row for each ring, NaN as
     coordinates of rays without a return, and zero in their other fields but ring and column.
     """
-    measured: Mapping[str, NDArray[Any]] = {}
-    if config.signal is not None:
-        measured = scan.others if isinstance(scan, Cloud) else {name: getattr(scan, name) for name in MEASURED}
+    measured: Mapping[str, NDArray[Any]] = scan.others if isinstance(scan, Cloud) else _others(scan, config)
     t_ns = np.zeros(len(scan.xyz), np.int64) if scan.t_ns is None else scan.t_ns.astype(np.int64)
     kind, clock, maker = config.point_type(wide_ids=wide_ids), config.time_field, config.point_fields
     points = np.zeros(len(scan.xyz), kind)
@@ -57,7 +55,9 @@ def point_cloud(
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     if maker == "ouster":
-        points["reflectivity"] = np.minimum(np.rint(100.0 * measured["reflectivity"]), 255) if measured else scan.label
+        points["reflectivity"] = scan.label
+        if config.signal is not None:
+            points["reflectivity"] = np.minimum(np.rint(100.0 * measured["reflectivity"]), 255)
         points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
     if maker == "livox":
         points["line"], points["timestamp"] = scan.ring, stamp_ns + t_ns
@@ -77,6 +77,12 @@ def point_cloud(
         is_dense=not config.organised,
     )
     return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
+
+
+def _others(scan: Scan | Reading, config: LidarConfig) -> dict[str, NDArray[Any]]:
+    """Return the fields that a LiDAR has with a signal, and with parts."""
+    names = [*(MEASURED if config.signal is not None else ()), *["part"] * config.parts]
+    return {name: getattr(scan, name) for name in names}
 
 
 def _organised(points: NDArray[np.void], config: LidarConfig) -> NDArray[np.void]:
@@ -136,5 +142,5 @@ class LidarSensor(Sensor):
             ring=scan.ring,
             column=scan.column,
             t_ns=scan.t_ns if self.config.spinning else None,
-            others={} if self.config.signal is None else {name: getattr(scan, name) for name in MEASURED},
+            others=_others(scan, self.config),
         )

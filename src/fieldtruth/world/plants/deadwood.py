@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import PlantPart
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.plants.growth import (
     ROOT_DEPTH,
@@ -39,15 +40,16 @@ BARE, MOSS, SOIL, TORN = "bark_dead", "bark_moss", "bark_soil", "bark_torn"
 
 @dataclass(frozen=True)
 class Part:
-    """A surface with one material, or one per face."""
+    """A surface with one material, or one per face, that is one part of the plant."""
 
     surface: Surface
     material: str | NDArray[np.str_]
+    part: PlantPart = PlantPart.STEM
 
     def moved(self, move: Move) -> "Part":
         """The part in another frame."""
         vertices, normals, uv, faces = self.surface
-        return Part((*move(vertices, normals), uv, faces), self.material)
+        return replace(self, surface=(*move(vertices, normals), uv, faces))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +195,7 @@ def root_plate(trunk: Stems, extent: float, wood: str, rng: np.random.Generator,
     start = centre + [0, 0, -0.12 * extent] + 0.35 * extent * away * [1, 1, 0]
     axis = extend(start, unit(away), length, order, rng)
     roots = Stems.alone(axis, taper(radius * rng.uniform(0.15, 0.4, count), order), length)
-    soil = Part((vertices, normals, uv, quads.reshape(-1, 3).astype(np.int32)), SOIL)
+    soil = Part((vertices, normals, uv, quads.reshape(-1, 3).astype(np.int32)), SOIL, PlantPart.NONE)
     return [soil, Part(tubes(roots, max(4, round(6 * detail**0.3))), wood)]
 
 
@@ -203,7 +205,10 @@ def joined(name: str, parts: Sequence[Part], colliders: tuple[Collider, ...], fo
     names, rows = np.unique(np.concatenate(each), return_inverse=True)
     surfaces = [part.surface for part in parts]
     materials = [str(n) for n in names]
-    return merged(name, surfaces, rows, materials, colliders=colliders, footprint=footprint, species=(species,))
+    own = [part.part for part in parts]
+    return merged(
+        name, surfaces, rows, materials, parts=own, colliders=colliders, footprint=footprint, species=(species,)
+    )
 
 
 SUNK: Final = 0.3  # depth of a fallen trunk in the ground, share of its radius
@@ -233,10 +238,10 @@ def grow_snag(species: Species, *, name: str, height: float, rng: np.random.Gene
     )
     parts = trunk_parts(body, rng)
     limbs = _stubs(stem, rng, count=round(1.1 * height * detail**0.3) + 3, start=0.3, longest=0.2, thickness=0.45)
-    parts.append(Part(tubes(limbs, _sides(6, detail)), "bark_dead"))
+    parts.append(Part(tubes(limbs, _sides(6, detail)), "bark_dead", PlantPart.BRANCH))
     if habit.dead is not None and habit.dead.whorl > 2:  # conifers keep dry lower twigs for years
         twigs = _stubs(stem, rng, count=round(5 * height * detail**0.5), start=0.12, longest=0.09, thickness=0.13)
-        parts.append(Part(tubes(twigs, 3), species.wood))
+        parts.append(Part(tubes(twigs, 3), species.wood, PlantPart.BRANCH))
     _, _, radius = stem.at(np.zeros(1, np.intp), np.array([min(1.3 + ROOT_DEPTH, 0.7 * height) / stem.length[0]]))
     breast = 1.1 * float(radius[0])
     collider = Collider(shape="cylinder", size=(breast, min(2.0, 0.9 * height)))
@@ -286,7 +291,7 @@ def grow_log(
     tips = stubs.axis[:, -1]
     up = stubs.take(np.flatnonzero(-tips[:, 0] > -0.2 * radius))
     if len(up.length):
-        parts.append(Part(tubes(up, _sides(6, detail)), "bark_dead").moved(move))
+        parts.append(Part(tubes(up, _sides(6, detail)), "bark_dead", PlantPart.BRANCH).moved(move))
     if roots:
         parts += [part.moved(move) for part in root_plate(stem, plate, species.wood, rng, detail)]
     return joined(name, parts, _boxes(stem, lift, plate), 0.5 * length + max(radius, plate), species.name)
@@ -425,4 +430,4 @@ def grow_twigs(*, name: str, radius: float, count: int, rng: np.random.Generator
     )
     surfaces = [tubes(replace(stems, axis=stems.axis * FLAT), sides) for stems, sides in ((branches, 4), (twigs, 3))]
     rows = np.zeros(sum(len(faces) for *_, faces in surfaces), np.int32)
-    return merged(name, surfaces, rows, ["bark_dead"], footprint=radius)
+    return merged(name, surfaces, rows, ["bark_dead"], parts=[PlantPart.BRANCH] * 2, footprint=radius)

@@ -26,6 +26,7 @@ from typing import Final, assert_never
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Index
+from fieldtruth.core.classes import PlantPart
 from fieldtruth.world.model import Mesh, merge_meshes
 from fieldtruth.world.plants.growth import Surface, gathered, merged, unit
 from fieldtruth.world.plants.species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike, heights_of
@@ -254,15 +255,22 @@ def grow_tuft(
     side = rng.normal(0, 0.5 * species.lopsided, 2)
     paths = [_grown(blades, radius, side, rng) for blades in kinds]
     top = max(float(path[:, :, 2].max()) for path in paths)
-    parts: list[tuple[Surface, str]] = []
+    pieces: list[tuple[Surface, str, PlantPart]] = []
     for blades, path in zip(kinds, paths, strict=True):
         fitted = path[:, :1] + (height / top) * (path - path[:, :1])
         fitted[..., 2] = np.maximum(fitted[..., 2], MIN_HEIGHT)
-        parts.append((_surface(blades, fitted, scale, rng), blades.material))
-        parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in blades.organs)
-    names = list(dict.fromkeys(material for _, material in parts))
-    rows = np.concatenate([np.full(len(surface[3]), names.index(material)) for surface, material in parts])
-    return merged(name, [surface for surface, _ in parts], rows, names, footprint=radius, species=(species.name,))
+        own = PlantPart.STEM if blades.organs else PlantPart.BLADE
+        pieces.append((_surface(blades, fitted, scale, rng), blades.material, own))
+        pieces.extend((_organ(organ, fitted, scale, rng), organ.material, _part_of(organ)) for organ in blades.organs)
+    surfaces, materials, parts = zip(*pieces, strict=True)
+    names = list(dict.fromkeys(materials))
+    rows = np.repeat([names.index(material) for material in materials], [len(surface[3]) for surface in surfaces])
+    return merged(name, surfaces, rows, names, parts=parts, footprint=radius, species=(species.name,))
+
+
+def _part_of(organ: Organ) -> PlantPart:
+    is_leaf = isinstance(organ, Frond) or (isinstance(organ, Leaves) and not organ.spikelets)
+    return PlantPart.LEAF if is_leaf else PlantPart.FLOWER
 
 
 def _detailed(blades: Blades, detail: float) -> Blades:

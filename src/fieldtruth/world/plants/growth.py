@@ -12,13 +12,13 @@ The surface is tapered tubes about the stems, wider at the roots, with bark that
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
-from fieldtruth.world.model import Collider, Mesh, make_mesh
+from fieldtruth.world.model import Mesh, make_mesh
 from fieldtruth.world.plants.species import OUTLINES, Habit, Order
 
 TIP_RADIUS: Final = 0.0015  # [m]
@@ -300,17 +300,18 @@ def merged(
     rows: NDArray[np.integer],
     materials: Sequence[str],
     *,
-    footprint: float,
-    colliders: tuple[Collider, ...] = (),
-    species: tuple[str, ...] = (),
+    parts: Sequence[int] = (),
+    **others: Any,
 ) -> Mesh:
-    """One mesh of several surfaces; ``rows`` (f,) are the rows of ``materials`` of all faces, surface by surface."""
+    """One mesh of several surfaces; ``rows`` (f,) are the rows of ``materials`` of all faces, surface by surface.
+
+    ``parts`` are the ``PlantPart`` of each surface, ``others`` further fields of ``Mesh``.
+    """
     offsets = np.cumsum([0, *(len(s[0]) for s in surfaces[:-1])])
     vertices, normals, uv = (np.concatenate([s[k] for s in surfaces]) for k in range(3))
     faces = np.concatenate([s[3] + np.int32(o) for s, o in zip(surfaces, offsets, strict=True)])
-    return make_mesh(
-        name, vertices, normals, uv, faces, materials, rows, colliders=colliders, footprint=footprint, species=species
-    )
+    part = np.repeat(np.array(parts, np.uint8), [len(s[3]) for s in surfaces]) if parts else None
+    return make_mesh(name, vertices, normals, uv, faces, materials, rows, part=part, **others)
 
 
 def tubes(stems: Stems, sides: int) -> Surface:

@@ -195,6 +195,7 @@ class Leaves:
     smallest: float = 0.5  # length of the highest relative to the lowest
     widest: float = 0.35  # position of the greatest width, fraction of the length
     broad: bool = False  # six triangles instead of two
+    spikelets: bool = False  # they are flowers or fruits, and no leaves
 
 
 @dataclass(frozen=True, kw_only=True)

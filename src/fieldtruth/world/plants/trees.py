@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
+from fieldtruth.core.classes import PlantPart
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.plants.growth import (
     ROOT_DEPTH,
@@ -210,12 +211,12 @@ def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random
     score = outwards + 0.5 * patch + rng.normal(0, 0.5, len(first))
     blooming = score > np.quantile(score, 1 - share)
     rows = of_leaf[blooming[number]]
-    material = mesh.material.copy()
-    material[rows] = len(mesh.materials)
+    material, part = mesh.material.copy(), mesh.face_parts.copy()
+    material[rows], part[rows] = len(mesh.materials), PlantPart.FLOWER
     vertices = mesh.vertices.copy()
     corner, base = mesh.faces[rows, 1:].ravel(), mesh.vertices[mesh.faces[rows, 0]].repeat(2, axis=0)
     vertices[corner] = base + np.float32(FLOWER_SIZE) * (mesh.vertices[corner] - base)
-    return replace(mesh, vertices=vertices, material=material, materials=(*mesh.materials, flower))
+    return replace(mesh, vertices=vertices, material=material, materials=(*mesh.materials, flower), part=part)
 
 
 WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
@@ -308,7 +309,7 @@ def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit
 def _surfaces(
     skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
 ) -> list[tuple[Surface, int]]:
-    """Surfaces of all stems and leaves, each with its row in the materials."""
+    """Surfaces of the stems from the ground, of branches and of leaves, each with its row in the materials."""
     base = skeleton[0].thinned(habit.trunk_segments)
     single = habit.stems == 1
     surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
@@ -341,8 +342,9 @@ def _mesh(
 ) -> Mesh:
     materials = [species.wood, species.foliage, *([] if species.upper_wood is None else [species.upper_wood])]
     faces = [surface for surface, _ in surfaces]
+    parts = [PlantPart.STEM, *[PlantPart.BRANCH] * (len(faces) - 2), PlantPart.LEAF]
     own = (species.name,)
-    return merged(name, faces, rows, materials, colliders=(collider,), footprint=footprint, species=own)
+    return merged(name, faces, rows, materials, parts=parts, colliders=(collider,), footprint=footprint, species=own)
 
 
 def _material_rows(

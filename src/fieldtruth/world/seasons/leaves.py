@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Index, Mask
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import Label, PlantPart
 from fieldtruth.world.grids import grid_axes, make_raster, noise_map
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import (
@@ -231,6 +231,7 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs
     )
     grown = make_mesh("twigs", *twigs, (twigs_of(species),))
+    grown = replace(grown, part=np.full(len(grown.faces), PlantPart.BRANCH, np.uint8))
     return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
 
 
@@ -250,6 +251,7 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
         faces=faces.reshape(-1, 3).astype(np.int32),
         material=material.astype(np.int32),
         materials=tuple(mesh.materials[k] for k in own),
+        part=None if mesh.part is None else mesh.part[rows],
     )
 
 

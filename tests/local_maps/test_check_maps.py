@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""``validate`` of maps: they pass as they were written, and one flipped cell of each kind of layer is found."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from numpy.typing import NDArray
+from sense_worlds import at, box, make_world
+
+from fieldtruth import cli
+from fieldtruth.exporters import MapOptions, export
+from fieldtruth.local_maps import check
+from fieldtruth.local_maps.check import validate_map
+from fieldtruth.validation import Check
+from fieldtruth.world import build
+from fieldtruth.world.model import World
+from fieldtruth.world_maps import map_layers, write_map
+from fieldtruth.world_maps.files import FORMATS, MadeMap
+from fieldtruth.world_maps.layers import LAYERS, Grid, Layers, names_of
+
+KINDS = (
+    *("ground", "ground_class", "overhang", "overhang_instance", "plant_top_class", "surface", "soil", "water_depth"),
+    *("solid_volume", "obstacle", "slope", "step_height", "drop_height", "solid_distance"),
+)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """A slope of 4 m by 3 m with a tree of two boxes."""
+    trunk, crown = box("trunk", (0.1, 0.1, 0.8), "bark"), box("crown", (0.5, 0.5, 0.3), "leaf")
+    placed = [(trunk, at(0.52, 0.33, 0.8)), (crown, at(0.52, 0.33, 1.7))]
+    made = make_world(placed, height=lambda x, y: 0.1 * x + 0.02 * y, side=6.0)
+    return replace(made, size=(4.0, 3.0), layout={"size": [4.0, 3.0]})
+
+
+@pytest.fixture(autouse=True)
+def built(world: World, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    def load_world(name: str, seed: int, layout: Any) -> World:
+        assert (name, seed, layout) == ("tiny", 0, {"size": [4.0, 3.0]})
+        return world
+
+    if "brief_run" not in request.fixturenames:
+        monkeypatch.setattr(build, "load_world", load_world)
+
+
+@pytest.fixture(scope="module")
+def written(world: World, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("maps")
+    outs = {"npz": "a.npz", "geotiff": "map", "grid_map": "a.bag"}
+    return {to: write_map(world, folder / out, to=to, resolution=0.1, workers=1) for to, out in outs.items()}
+
+
+def flipped(values: NDArray[Any], i: int, j: int) -> NDArray[Any]:
+    """Return a layer with another number in one cell; a height differs by 3 mm, and one that is not is there."""
+    changed = values.copy()
+    if values.dtype.kind == "f":
+        changed[i, j] = 0.5 if np.isnan(values[i, j]) else values[i, j] + 0.003
+    else:
+        changed[i, j] = values[i, j] ^ 1
+    return changed
+
+
+def result(path: Path, name: str = "map") -> Check:
+    return next(each for each in validate_map(path, workers=1) if each.name == name)
+
+
+@pytest.mark.parametrize("to", ["npz", "geotiff", "grid_map"])
+def test_maps_pass_as_they_were_written(written: dict[str, Path], to: str) -> None:
+    checks = validate_map(written[to], workers=1)
+    assert [(each.name, each.passed) for each in checks] == [("map", True), ("heights by rays", True)]
+    assert checks[0].text == f"{40 * 30 * len(LAYERS) - 40 * 30 * 1:,} cells"  # no roughness from 5 cm on
+    assert checks[1].text == "1,600 rays"
+
+
+@pytest.mark.parametrize("layer", KINDS)
+def test_a_flipped_cell_of_each_kind_is_found(written: dict[str, Path], tmp_path: Path, layer: str) -> None:
+    with np.load(written["npz"]) as file:
+        found = dict(file)
+    found[layer] = flipped(found[layer], 31, 7)
+    np.savez(tmp_path / "a.npz", allow_pickle=False, **found)
+    wrong = result(tmp_path / "a.npz")
+    assert wrong.passed is False
+    assert "cells are those of the rebuilt world: 1 of " in wrong.text
+    assert f"first {layer}, cell (31, 7)" in wrong.text.replace("np.int64(31)", "31").replace("np.int64(7)", "7")
+
+
+def test_a_flipped_cell_of_a_geotiff_and_of_a_grid_map_is_found(
+    world: World, written: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = tmp_path / "map"
+    shutil.copytree(written["geotiff"], folder)
+    with rasterio.open(folder / "ground.tif", "r+") as file:
+        values = file.read(1)
+        values[4, 5] += 0.003
+        file.write(values, 1)
+    assert "first ground, cell" in result(folder).text
+    with np.load(written["npz"]) as stored:
+        layers: Layers = {name: stored[name] for name in ("ground", "obstacle")}
+        grid = Grid(float(stored["x0"]), float(stored["y0"]), float(stored["resolution"]), (40, 30))
+    layers["obstacle"] = flipped(layers["obstacle"], 3, 3)
+    FORMATS["grid_map"].write(MadeMap(world, grid, layers, names_of(world)), tmp_path / "b.bag")
+    assert "first obstacle, cell" in result(tmp_path / "b.bag").text
+
+
+def test_rays_find_what_the_columns_of_cells_have_wrong(
+    written: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both the file and the map that is made again are off by 2 mm."""
+
+    def wrong_layers(world: World, grid: Grid, layers: Any, workers: int) -> Layers:
+        made = map_layers(world, grid, layers, workers)
+        return made | {"overhang": made["overhang"] + np.float32(0.002)}
+
+    with np.load(written["npz"]) as file:
+        found = dict(file)
+    found["overhang"] = found["overhang"] + np.float32(0.002)
+    np.savez(tmp_path / "a.npz", allow_pickle=False, **found)
+    monkeypatch.setattr(check, "map_layers", wrong_layers)
+    same, rays = validate_map(tmp_path / "a.npz", workers=1)
+    assert same.passed
+    assert rays.passed is False
+    assert "layer overhang near cell" in rays.text
+
+
+@pytest.mark.usefixtures("in_park")
+def test_maps_around_the_robot_are_checked_with_their_run(
+    brief_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / brief_run.name
+    shutil.copytree(brief_run, run)
+    maps = export(run, "local-maps", workers=1, maps=MapOptions(side=6.0, resolution=0.2))
+    assert maps.parent == run
+    assert cli.main(["validate", str(maps)]) == 0
+    assert capsys.readouterr().out.splitlines()[0].startswith("pass     local maps       ")
+    path = sorted(maps.glob("*.npz"))[-1]
+    with np.load(path) as file:
+        good = dict(file)
+    for name in ("ground", "overhang_class", "seen", "free", "free_distance", "free_polygon", "world_from_base"):
+        bad = good[name].copy()
+        bad.flat[17 % bad.size] = bad.flat[17 % bad.size] + 1
+        np.savez(path, allow_pickle=False, **{**good, name: bad})
+        wrong = result(maps, "local maps")
+        assert wrong.passed is False, name
+        assert f"first {path.name}, {name}, cell" in wrong.text
+
+
+def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savez(tmp_path / "a.npz", ground=np.zeros((3, 3)))
+    (tmp_path / "b.npz").write_bytes(b"no archive")
+    (tmp_path / "nav2").mkdir()
+    (tmp_path / "nav2" / "map.yaml").write_text("image: map.pgm")
+    for name in ("a.npz", "b.npz", "nav2"):
+        assert cli.main(["validate", str(tmp_path / name)]) == 2
+        text = capsys.readouterr().err.splitlines()[-1]
+        assert "is no map that says what its world is; `fieldtruth map` writes them as geotiff, grid_map and" in text
