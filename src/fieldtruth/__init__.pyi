@@ -104,8 +104,8 @@ from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .simulation.due import Frame as Frame
 from .simulation.fleet import Fleet as Fleet
+from .simulation.frames import frames as frames
 from .simulation.stepped import Simulation as Simulation
-from .simulation.stepped import frames as frames
 from .validation import Check as Check
 from .validation.runner import validate as validate
 from .world.build import build_site as build_site

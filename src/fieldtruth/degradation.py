@@ -85,7 +85,16 @@ def degrade(
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
             if stored.drives:
                 made = prepare(simulation, progress)
-                return _Degraded(made.experiment, made.world, made.track, run, stored, scene=scene)
+                return _Degraded(
+                    made.experiment,
+                    made.world,
+                    made.track,
+                    run,
+                    stored,
+                    scene=made.scene,
+                    moving=made.moving,
+                    actors=made.actors,
+                )
             with progress.stage("build the world"):
                 world, track = simulation.world, stored.track()
             return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)
@@ -100,8 +109,6 @@ def _ideal_experiment(run: Run) -> Experiment:
         raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
     if run.experiment.robots:
         raise BagError(f"{run.bag} is of one of several robots; generate their runs again, with --signal")
-    if run.experiment.actors:
-        raise BagError(f"{run.bag} is of an experiment with actors; generate it again, with --signal")
     if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
         raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
     return run.experiment
@@ -116,8 +123,9 @@ class _Stored:
 
     def __init__(self, bag: BagReader, run: Run, changed: Collection[SensorConfig]) -> None:
         moved = any(sensor.sees or sensor.needs_wheels for sensor in changed)
-        self.drives = moved or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
-        """True if the robot drives again."""
+        among = run.experiment is not None and bool(run.experiment.actors)
+        self.drives = moved or among or not fits_checksums(run.folder, run.bag.name, EXPERIMENT)
+        """True if the robot drives again, as it does among actors."""
         self.sha256 = "" if self.drives else read_checksums(run.folder)[run.bag.name]
         """Of the bag, if it was computed."""
         kept = [each for each in run.rig.in_order() if each not in changed and (each.sees or not self.drives)]

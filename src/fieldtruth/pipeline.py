@@ -178,8 +178,6 @@ def generate_by(
     record = partial(
         _generate_run, workers=workers, overwrite=overwrite, progress=Silent() if progress is None else progress
     )
-    if made.actors and engine is not None:
-        raise ConfigurationError(f"{made.name} has actors, which move in one process; leave the cluster out")
     if not made.robots:
         return record(engine or prepare, simulation, folder / made.name)
     if engine is not None:

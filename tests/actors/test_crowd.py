@@ -9,9 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
+import sense_worlds
 from drive_worlds import make_world, obstacle
 
-from fieldtruth.actors.crowd import Crowd, Member, RobotState
+from fieldtruth.actors.behaviour import Member, RobotState
+from fieldtruth.actors.crowd import Crowd
 from fieldtruth.actors.figure import Placement
 from fieldtruth.actors.places import Places
 from fieldtruth.core.arrays import Array
@@ -48,14 +50,14 @@ def run(
 ) -> Array:  # fmt: skip
     """Placements (knots, members, 4): x, y, heading, speed."""
     robots: Callable[[int], list[RobotState]] = lambda k: [] if robot is None else [robot(k / 100)]  # noqa: E731
-    crowd = Crowd(world, members, seed=seed, way=WAY, robots=robots(0))
+    crowd = Crowd(world, members, seed=seed, ways=[WAY], robots=robots(0))
     found = [crowd.placements, *(crowd.step(robots(k)) for k in range(round(100 * seconds)))]
     return np.array([[(p.x, p.y, p.heading, p.speed) for p in placements] for placements in found])
 
 
 def towards(world: World, start: tuple[float, float], end: tuple[float, float], **values: Any) -> Crowd:
     """A crowd of one person on the way from start to end."""
-    crowd = Crowd(world, [member("walker", start=start, behaviour="wander", **values)], seed=0, way=WAY, robots=())
+    crowd = Crowd(world, [member("walker", start=start, behaviour="wander", **values)], seed=0, ways=[WAY], robots=())
     set_off(crowd, 0, end)
     return crowd
 
@@ -102,7 +104,7 @@ def test_a_free_walker_comes_to_its_speed_as_the_model_says(flat_world: World) -
 
 def test_two_who_meet_head_on_pass_without_a_touch(flat_world: World) -> None:
     people = [member("a", start=(-4.0, 0.0), behaviour="wander"), member("b", start=(4.0, 0.0), behaviour="wander")]
-    crowd = Crowd(flat_world, people, seed=0, way=WAY, robots=())
+    crowd = Crowd(flat_world, people, seed=0, ways=[WAY], robots=())
     set_off(crowd, 0, (9.0, 0.0))
     set_off(crowd, 1, (-9.0, 0.0))
     tracks = np.array([[(p.x, p.y, p.speed) for p in crowd.step(())] for _ in range(600)])
@@ -120,7 +122,7 @@ def test_a_walker_before_a_wall_goes_around_it() -> None:
     crowd = towards(world, (-4.0, 0.5), (4.0, 0.5))
     track = np.array([(p.x, p.y) for _ in range(300) for p in crowd.step(())])
     assert distance_to(obstacle_outlines(world)[0], track).min() >= 0.3
-    stays = Crowd(world, [member("walker", start=(-4.0, 0.5), behaviour="wander")], seed=0, way=WAY, robots=())
+    stays = Crowd(world, [member("walker", start=(-4.0, 0.5), behaviour="wander")], seed=0, ways=[WAY], robots=())
     path = stays._places.path_to(
         stays._places.ways_from(stays._places.node_at(np.array([-4.0, 0.5]), 0.3), 0.3, np.inf),
         stays._places.node_at(np.array([4.0, 0.5]), 0.3),
@@ -176,7 +178,7 @@ def test_deer_flee_from_a_robot_that_comes_near(flat_world: World) -> None:
 
 
 def test_grazing_animals_stop_with_their_heads_down(flat_world: World) -> None:
-    crowd = Crowd(flat_world, [member("cow", "cow")], seed=3, way=WAY, robots=())
+    crowd = Crowd(flat_world, [member("cow", "cow")], seed=3, ways=[WAY], robots=())
     found = [crowd.step(())[0] for _ in range(2500)]
     eating = np.mean([p.action == "graze" for p in found])
     assert eating > 0.4
@@ -186,7 +188,7 @@ def test_grazing_animals_stop_with_their_heads_down(flat_world: World) -> None:
 
 def test_a_script_is_exact(flat_world: World) -> None:
     points = ((1.0, -3.0, 1.0), (4.37, 2.0, 1.5), (6.0, 2.0, -1.0))
-    crowd = Crowd(flat_world, [member("actor", **script(*points))], seed=0, way=WAY, robots=())
+    crowd = Crowd(flat_world, [member("actor", **script(*points))], seed=0, ways=[WAY], robots=())
     found = [crowd.placements[0], *(crowd.step(())[0] for _ in range(700))]
     assert (found[0].x, found[0].y, found[0].speed) == (-3.0, 1.0, 0.0)
     share = (2.5 - 1.0) / 3.37
@@ -210,7 +212,7 @@ def test_a_walker_gives_way_to_one_with_a_script(flat_world: World) -> None:
 
 def test_sitting_is_on_a_bench(park: World) -> None:
     people = [member("a", behaviour="sit", group="g"), member("b", behaviour="sit", group="g")]
-    found = Crowd(park, people, seed=1, way=WAY, robots=()).placements
+    found = Crowd(park, people, seed=1, ways=[WAY], robots=()).placements
     assert sorted((p.x, round(p.y, 6)) for p in found) == [(3.0, 3.55), (3.0, 4.45)]
     assert {p.action for p in found} == {"sit"}
 
@@ -218,13 +220,13 @@ def test_sitting_is_on_a_bench(park: World) -> None:
 def test_no_two_sit_on_one_seat(park: World) -> None:
     """The first is given a place beside the bench, and sits where the second would."""
     people = [member(f"a_{k}", behaviour="sit", count=2, start=(2.5, 3.6)) for k in (1, 2)]
-    found = Crowd(park, people, seed=1, way=WAY, robots=()).placements
+    found = Crowd(park, people, seed=1, ways=[WAY], robots=()).placements
     assert sorted((p.x, round(p.y, 6)) for p in found) == [(3.0, 3.55), (3.0, 4.45)]
 
 
 def test_only_the_first_multirotor_has_the_start_that_is_given(flat_world: World) -> None:
     flying = [member(f"a_{k}", "multirotor", behaviour="hover", count=2, start=(2.0, 1.0)) for k in (1, 2)]
-    one, other = Crowd(flat_world, flying, seed=0, way=WAY, robots=()).placements
+    one, other = Crowd(flat_world, flying, seed=0, ways=[WAY], robots=()).placements
     assert math.dist((one.x, one.y), (2.0, 1.0)) < 0.5
     assert math.dist((one.x, one.y), (other.x, other.y)) > 1.0
 
@@ -241,7 +243,7 @@ def test_a_flight_by_a_script_is_free_of_ground_and_objects(monkeypatch: pytest.
 
     def flight(*heights: float) -> Crowd:
         points = [{"at_s": 5.0 * k, "xy": (-6.0 + 6.0 * k, 6.0), "height_m": h} for k, h in enumerate(heights)]
-        return Crowd(park, [member("a", "multirotor", script=points)], seed=0, way=WAY, robots=())
+        return Crowd(park, [member("a", "multirotor", script=points)], seed=0, ways=[WAY], robots=())
 
     assert flight(6.0, 9.0).placements[0].height == pytest.approx(6.0)
     for heights in ((1.0, 1.0), (0.5, 3.0)):
@@ -249,6 +251,22 @@ def test_a_flight_by_a_script_is_free_of_ground_and_objects(monkeypatch: pytest.
             flight(*heights)
     with pytest.raises(ConfigurationError, match=r"script\[1\]: .* is in the ground at"):
         flight(8.0, 0.0)
+
+
+def test_a_flight_by_a_script_is_free_of_large_plain_walls() -> None:
+    """A wall of 8 m x 8 m has vertices at its corners only; over it and beside it the air is free."""
+    wall = sense_worlds.box("wall", (4.0, 0.1, 4.0))
+    world = sense_worlds.make_world([(wall, sense_worlds.at(0.0, 5.0, 4.0))])
+
+    def flight(x: float, height: float) -> Crowd:
+        points = [{"at_s": 5.0 * k, "xy": (x, 9.0 - 8.0 * k), "height_m": height} for k in range(2)]
+        return Crowd(world, [member("a", "multirotor", script=points)], seed=0, ways=[WAY], robots=())
+
+    for x, height in ((0.0, 4.0), (1.1, 2.3), (-2.2, 5.7)):
+        with pytest.raises(ConfigurationError, match=r"script\[1\]: .* is in an object, or outside at "):
+            flight(x, height)
+    assert flight(0.0, 11.0).placements[0].height == pytest.approx(11.0)
+    assert flight(8.0, 4.0).placements[0].height == pytest.approx(4.0)
 
 
 def test_multirotors_hover_orbit_and_pass(flat_world: World) -> None:
@@ -350,7 +368,7 @@ def test_another_actor_changes_no_start(park: World) -> None:
 
 
 def test_going_on_from_a_saved_state_is_going_on(park: World) -> None:
-    crowd = Crowd(park, crowd_of_thirty(), seed=0, way=WAY, robots=[robot_at(-15.0)])
+    crowd = Crowd(park, crowd_of_thirty(), seed=0, ways=[WAY], robots=[robot_at(-15.0)])
 
     def on(count: int) -> list[list[Placement]]:
         return [crowd.step([robot_at(-15.0)]) for _ in range(count)]
@@ -384,17 +402,46 @@ def test_going_on_from_a_saved_state_is_going_on(park: World) -> None:
 )  # fmt: skip
 def test_what_cannot_be_is_one_line(park: World, actor: Member, words: str) -> None:
     with pytest.raises(ConfigurationError, match=words) as caught:
-        Crowd(park, [actor], seed=0, way=WAY, robots=[robot_at(-15.0)])
+        Crowd(park, [actor], seed=0, ways=[WAY], robots=[robot_at(-15.0)])
     assert "\n" not in str(caught.value)
 
 
 def test_without_a_bench_a_trail_or_room_there_is_an_error(flat_world: World) -> None:
     with pytest.raises(ConfigurationError, match="no free bench"):
-        Crowd(flat_world, [member("a", behaviour="sit")], seed=0, way=WAY, robots=())
+        Crowd(flat_world, [member("a", behaviour="sit")], seed=0, ways=[WAY], robots=())
     with pytest.raises(ConfigurationError, match="no trail"):
-        Crowd(flat_world, [member("a", behaviour="trails")], seed=0, way=WAY, robots=())
+        Crowd(flat_world, [member("a", behaviour="trails")], seed=0, ways=[WAY], robots=())
     with pytest.raises(ConfigurationError, match="both sides of the robot's way"):
-        Crowd(flat_world, [member("a", behaviour="cross")], seed=0, way=WAY[:1], robots=())
+        Crowd(flat_world, [member("a", behaviour="cross")], seed=0, ways=[WAY[:1]], robots=())
     both = [member("a", start=(1.0, 3.0), behaviour="wander"), member("b", start=(1.2, 3.0), behaviour="wander")]
     with pytest.raises(ConfigurationError, match="in the place of the actor b"):
-        Crowd(flat_world, both, seed=0, way=WAY, robots=())
+        Crowd(flat_world, both, seed=0, ways=[WAY], robots=())
+
+
+def test_who_crosses_does_so_on_one_of_several_ways(flat_world: World) -> None:
+    """The ways are apart and run against each other; no one waits between the end of one and the start of the other."""
+    ways = [np.column_stack([order * WAY[:, 0], np.full(301, y)]) for y, order in ((-6.0, 1), (6.0, -1))]
+    people = [member(f"walker_{k}", behaviour="cross") for k in range(12)]
+    people += [member("given", behaviour="cross", start=(-3.0, -2.5)), member("eye", "multirotor", behaviour="orbit")]
+    crowd = Crowd(flat_world, people, seed=1, ways=ways, robots=[robot_at(-15.0, -6.0), robot_at(15.0, 6.0)])
+    state = crowd.save()
+    across = np.array([mind.across for mind in state.minds[:13]])
+    assert np.abs(np.abs(across[:, 1]) - 6.0).max() < 1e-9
+    assert 2 <= np.count_nonzero(across[:12, 1] > 0) <= 10
+    assert across[12, 1] == -6.0
+    driven = np.where(across[:, 1] < 0, across[:, 0] + 15.0, 15.0 - across[:, 0])
+    assert driven[:12].min() > 4.9  # time to cross ahead of the robot of this way
+    for (x, y), (cx, _) in zip(state.position[:13], across, strict=True):
+        assert abs(x - cx) < 1e-6 + 3.0 * (abs(y) < 3)
+        assert 2.4 < abs(abs(y) - 6.0) < 5.0
+
+
+@pytest.mark.parametrize(("second", "goes"), [((12.0, 0.0), True), ((2.0, 0.8), False)])
+def test_who_crosses_minds_all_robots(flat_world: World, second: tuple[float, float], *, goes: bool) -> None:
+    """The first robot is far enough and comes in time; the second, which comes from the other side, is too near."""
+    crowd = Crowd(flat_world, [member("a", behaviour="cross", start=(0.0, 3.0))], seed=0, ways=[WAY], robots=())
+    needed = 3.0 + 0.6 + 0.35 + 0.5
+    first = RobotState(-0.6 - 0.8 * (needed / 1.3 + 2.5), 0.0, 0.0, 0.8, 0.6)
+    for _ in range(12):
+        crowd.step([first, RobotState(second[0], 0.0, math.pi, second[1], 0.6)])
+    assert (crowd.save().minds[0].task == "go") is goes

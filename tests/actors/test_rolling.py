@@ -86,6 +86,24 @@ def test_a_cyclist_leans_into_the_curve_and_holds_on() -> None:
     assert np.ptp(done.column("cranks")) == pytest.approx(np.ptp(rear) / 2.2, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_cyclist_who_stands_has_a_foot_on_the_ground(seed: int) -> None:
+    """The ball of the left foot, beside the wheels, where it stays; before and after, it is on its pedal."""
+    way = placements(lambda t: 3.0 * min(max(abs(2.5 - t) - 1.5, 0.0), 1.0), seconds=5)
+    done = walk("cyclist", way, slope, seed)
+    ball, pedal = done.points(17, (0, 0, 0)), done.points(5, (0, 0, 0))
+    stands = slice(300, 350)
+    ground = np.array([slope(x, y) for x, y in ball[stands, :2]])
+    assert ball[stands, 2] == pytest.approx(ground, abs=0.01)
+    assert np.ptp(ball[stands], axis=0).max() < 0.01
+    aside = ball[stands, :2] - done.roots[stands, :2, 3]
+    assert aside[:, 1] == pytest.approx(0.36, abs=0.03)  # to the left, as it goes along x
+    assert np.linalg.norm((ball - pedal)[:90], axis=1).max() < 0.03
+    assert np.linalg.norm((ball - pedal)[-60:], axis=1).max() < 0.03
+    assert np.linalg.norm(done.points(21, (0, 0, 0)) - done.points(6, (0, 0, 0)), axis=1).max() < 0.03
+    assert np.linalg.norm(np.diff(ball, axis=0), axis=1).max() < 0.06  # it does not leap
+
+
 def test_wheels_of_a_cyclist_turn_by_their_way_and_stay_in_the_fork() -> None:
     done = walk("cyclist", placements(lambda t: 4.0, seconds=3))
     for part, name in ((2, "front_wheel"), (3, "rear_wheel")):

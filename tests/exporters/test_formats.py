@@ -28,7 +28,7 @@ def digest(path: Path) -> dict[str, str]:
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
-NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth", "image-cost")
+NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth", "image-cost", "video", "webp")
 OF_WORLDS = ("kitti-object", "occupancy", "local-maps", "local-maps-bag", "image-cost", "scene-completion")
 """Formats that build the world of experiment.yaml."""
 OF_MOVERS = ("kitti-tracking", "mot")

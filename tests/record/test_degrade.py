@@ -60,6 +60,17 @@ def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: 
         degrade(made, tmp_path / "twice")
 
 
+@pytest.mark.parametrize("signal", [{"lidar": {"range_noise": [[12.0, 0.02]]}}, OF_MOTION], ids=["lidar", "imu, gnss"])
+def test_the_bytes_among_actors_are_those_of_a_run_with_noise(signal: dict[str, Any], tmp_path: Path) -> None:
+    rig = {
+        "sensors": [{"kind": "imu"}, {"kind": "gnss"}, {"kind": "lidar", "columns": 64, "rings": 16, "spinning": True}]
+    }
+    made = in_small_park(name="park_1", seconds=0.3, rig=rig, actors={"anna": {"kind": "person"}})
+    whole = generate(with_overrides(made, signal=signal), tmp_path / "noisy")
+    ideal = generate(made, tmp_path / "ideal")
+    assert sha256_of(degrade(ideal, tmp_path / "degraded", signal=signal)) == sha256_of(whole) != sha256_of(ideal)
+
+
 def test_cameras_that_stay_ideal_are_not_rendered_again(
     ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -20,7 +20,9 @@ from fieldtruth.core.errors import ConfigurationError, DriveError
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, validated
+from fieldtruth.simulation.company import Company
 from fieldtruth.simulation.fleet import Fleet
+from fieldtruth.simulation.motion import motion_along
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import World
 
@@ -206,3 +208,42 @@ def test_actors_move_beside_a_robot_that_follows_given_poses(world: World, tmp_p
     assert len(stepped) == len(run["lidar"]) == 4
     assert all(map(alike, stepped, run["lidar"]))
     assert np.count_nonzero(stepped[2].label == Label.PERSON) > 60
+
+
+def test_knots_of_given_poses_are_those_of_the_track_file(world: World) -> None:
+    """At 2 m/s and 1 rad/s, a millisecond is 2 mm and 0.06 deg."""
+    stamps = np.arange(0, 400, 20) * 1_000_000
+    angle = stamps / 1e9
+    quaternion = np.stack([np.cos(angle / 2), *np.zeros((2, len(angle))), np.sin(angle / 2)], axis=1)
+    position = np.stack([2.0 * stamps / 1e9, np.zeros(len(stamps)), np.full(len(stamps), 0.2)], axis=1)
+    company = Company(acted({"anna": CROSSER}), lambda: world)
+    company.follow(motion_along(stamps, position, quaternion, 0), 380_000_000)
+    for knot, pose in zip(stamps, company.poses[""](stamps), strict=True):
+        turn = knot / 1e9
+        assert pose[:3, 3] == pytest.approx([2.0 * turn, 0.0, 0.2], abs=1e-9)
+        assert pose[:2, 0] == pytest.approx([np.cos(turn), np.sin(turn)], abs=1e-9)
+
+
+def test_motion_is_forgotten_but_for_what_may_still_be_read(world: World) -> None:
+    """A reading that was handed out keeps what it needs, and is the same later; a saved state goes on."""
+    experiment = acted({"anna": CROSSER, "ben": BY_CHANCE}, seconds=8.0, control={"speed": 0.01})
+    simulation, patient = (Simulation(experiment, world=world) for _ in range(2))
+    waiting = [each for each in patient.due(0.55) if each.output.name == "lidar"]
+    at_once = clouds_of(simulation, [0.55])
+    state = simulation.save()
+    for _ in range(10):
+        patient.step(0.2, sensors=["imu"])
+        simulation.step(0.2, sensors=["imu"])
+    known = [len(made.company.cast.actors["ben"].roots.save()[1]) for made in (patient, simulation)]  # type: ignore[union-attr]
+    assert known[0] > 250
+    assert known[1] < 160  # half a second for the GNSS, and what is forgotten together
+    assert len(simulation.company.poses[""]) == 256  # type: ignore[union-attr]
+    assert all(map(alike, [each.read() for each in waiting], at_once))
+    waiting.clear()
+    after, _ = patient.step(0.2, sensors=["imu"]), patient.step(0.2, sensors=["imu"])
+    assert len(patient.company.cast.actors["ben"].roots.save()[1]) < 160  # type: ignore[union-attr]
+    assert after.stamp_ns == 2_750_000_000
+    simulation.restore(state)
+    other = Simulation(experiment, world=world)
+    clouds_of(other, [0.55])
+    assert all(map(alike, simulation.step(0.3).all["lidar"], other.step(0.3).all["lidar"]))

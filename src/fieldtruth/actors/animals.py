@@ -15,9 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from fieldtruth.actors.figure import Figure, Ground, Joint, Placement, fitted
+from fieldtruth.actors.figure import STEP, Figure, Ground, Joint, Placement, fitted
 from fieldtruth.actors.limbs import (
-    STEP,
     Foot,
     Matrix,
     Motion,
@@ -34,11 +33,11 @@ from fieldtruth.actors.shapes import Colour, Surface, dappled, make_ball, make_l
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.solids import make_tube, placed
 
 _Rows = tuple[tuple[float, float, float, float], ...]
-_GRAVITY: Final = 9.81
 
 
 class Coat(NamedTuple):
@@ -378,7 +377,7 @@ class AnimalGait:
 
     def _choose(self, speed: float) -> tuple[float, float, float]:
         """Set in which order the feet step; return the Froude number, and how much it trots and gallops."""
-        froude = speed * speed / (_GRAVITY * 0.8 * self._size)
+        froude = speed * speed / (GRAVITY * 0.8 * self._size)
         trots, gallops = ease((froude - 0.4) / 0.2), ease((froude - 2.0) / 1.0)
         for k, foot in enumerate(self.feet):
             foot.offset = _WALK[k] + trots * (_TROT[k] - _WALK[k]) + gallops * (_GALLOP[k] - _TROT[k])
@@ -386,7 +385,7 @@ class AnimalGait:
 
     def _rhythm(self, speed: float) -> Rhythm:
         hips = 0.8 * self._size
-        froude = speed * speed / (_GRAVITY * hips)
+        froude = speed * speed / (GRAVITY * hips)
         stride = 2.4 * hips * max(froude, 1e-4) ** 0.34
         duty = min(max(0.52 * max(froude, 1e-4) ** -0.14, 0.3), 0.72)
         gallops = ease((froude - 2.0) / 1.0)

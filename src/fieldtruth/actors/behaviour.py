@@ -267,8 +267,7 @@ class Behaviour:
         The robot is expected by the straight line to the crossing, so it comes rather later than that.
         """
         assert mind.across is not None
-        x, y = mind.across
-        free = True
+        (x, y), free, in_time, too_near = mind.across, True, False, False
         for robot in robots:
             ahead, left = x - robot.x, y - robot.y
             distance = math.hypot(ahead, left) - robot.radius
@@ -276,11 +275,11 @@ class Behaviour:
             width = math.dist(position, mind.across) + robot.radius + member.radius + 0.5
             needed = width / member.pace + 1.0
             expected = distance / robot.speed if comes else math.inf
-            if needed + 0.5 < expected < needed + 3.0:
-                return True
-            mind.is_late = mind.is_late or expected <= needed + 0.5
+            in_time = in_time or needed + 0.5 < expected < needed + 3.0
+            too_near = too_near or expected <= needed + 0.5
             free = free and expected > needed + 3.0 and distance > 2.0
-        return mind.is_late and free
+        mind.is_late = mind.is_late or too_near
+        return (in_time and not too_near) or (mind.is_late and free)
 
     # Ways.
 

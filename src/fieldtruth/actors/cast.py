@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,19 +20,17 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.actors.behaviour import Member, RobotState
 from fieldtruth.actors.crowd import Crowd
-from fieldtruth.actors.figure import Figure, Gait
+from fieldtruth.actors.figure import STEP, Figure, Gait
 from fieldtruth.actors.kinds import KINDS
-from fieldtruth.actors.shapes import TEXTURE
+from fieldtruth.actors.shapes import make_textures
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.random import rng_of
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.experiment.actor_config import MOST_ACTORS, actor_names
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.sense.moving import KNOT_NS, MovingBody
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.world.model import Collider, Heightfield, World
-
-_SECONDS: Final = KNOT_NS / 1e9
 
 
 def figures_of(experiment: Experiment) -> dict[str, Figure]:
@@ -53,30 +51,51 @@ class Actor:
 
     def __init__(self, name: str, figure: Figure) -> None:
         self.name, self.figure = name, figure
-        self.roots: list[Array] = []
+        self.roots = KnotPoses()
         """world_from_root (4, 4) at each knot."""
-        self.joints: list[Array] = []
+        self.joints = KnotPoses()
         """Values (joints,) at each knot."""
         self._last: tuple[bytes, Array] = (b"", np.zeros((0, 0, 4, 4)))
 
     def add(self, root: Array, joints: Array) -> None:
         """Add the next knot."""
-        self.roots.append(root)
-        self.joints.append(joints)
+        self.roots.add([root])
+        self.joints.add([joints])
 
     def parts(self, knots_ns: ArrayLike) -> Array:
         """Return world_from_part (n, parts, 4, 4) at knots (n,) [ns]; behind the last one, those of the last."""
-        numbers = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self.roots) - 1)
-        key, (known, poses) = numbers.tobytes(), self._last  # one tuple: threads may ask at once
+        known_ns = np.clip(np.asarray(knots_ns), 0, (len(self.roots) - 1) * KNOT_NS)
+        key, (known, poses) = known_ns.tobytes(), self._last  # one tuple: threads may ask at once
         if key != known:
-            rows = numbers.tolist()
-            poses = self.figure.poses(np.array([self.roots[k] for k in rows]), np.array([self.joints[k] for k in rows]))
+            poses = self.figure.poses(self.roots(known_ns), self.joints(known_ns))
             self._last = key, poses
         return poses
 
-    def forget(self, knots: int) -> None:
-        """Forget all but the first knots."""
-        del self.roots[knots:], self.joints[knots:]
+    def restart(self) -> None:
+        """Forget all knots."""
+        self.roots.restart()
+        self.joints.restart()
+        self._last = b"", self._last[1]
+
+    def end(self, knots: int) -> None:
+        """Know only the first knots, so many."""
+        self.roots.end(knots)
+        self.joints.end(knots)
+        self._last = b"", self._last[1]
+
+    def forget(self, before_ns: int) -> None:
+        """Forget the knots that no stamp from this one [ns] on needs."""
+        self.roots.forget(before_ns)
+        self.joints.forget(before_ns)
+
+    def save(self) -> Any:
+        """Return what ``restore`` needs."""
+        return self.roots.save(), self.joints.save()
+
+    def restore(self, saved: Any) -> None:
+        """Know what was known when ``save`` was called."""
+        self.roots.restore(saved[0])
+        self.joints.restore(saved[1])
         self._last = b"", self._last[1]
 
     def bodies(self, object_id: int) -> list[MovingBody]:
@@ -137,8 +156,8 @@ class _Unpickler(pickle.Unpickler):
 class CastState(NamedTuple):
     """State of a cast, for ``Cast.restore``."""
 
-    motion: list[tuple[list[Array], list[Array]]]
-    """Roots and joints of each."""
+    motion: list[Any]
+    """Of each actor."""
     crowd: Any
     gaits: list[bytes]
 
@@ -164,7 +183,7 @@ class Cast:
         self.world = replace(
             world,
             materials={**world.materials, **{k: v for figure in figures for k, v in figure.materials.items()}},
-            textures={**world.textures, TEXTURE: np.full((1, 1, 3), 255, np.uint8)},
+            textures={**world.textures, **make_textures()},
             object_names=(*world.object_names, *self.actors),
         )
         """The world with the materials and instance ids of the actors."""
@@ -182,11 +201,11 @@ class Cast:
         names = self.world.object_names
         return [body for name, actor in self.actors.items() for body in actor.bodies(names.index(name))]
 
-    def begin(self, way: Array, robots: Sequence[RobotState]) -> None:
+    def begin(self, ways: Sequence[Array], robots: Sequence[RobotState]) -> None:
         """Put all actors where they begin at time 0, and find where they are at the first knot.
 
         Args:
-            way: (n, 2) [m] that the robots are expected to drive.
+            ways: each (n, 2) [m], that the robots are expected to drive.
             robots: at time 0.
 
         Raises:
@@ -206,7 +225,7 @@ class Cast:
             )
             for (name, key), figure in zip(actor_names(configs), figures, strict=True)
         ]
-        self._crowd = Crowd(self.world, members, seed=self._seed, way=way, robots=robots)
+        self._crowd = Crowd(self.world, members, seed=self._seed, ways=ways, robots=robots)
         self._gaits = [
             KINDS[member.config.kind].gait(
                 figure, placement, self._ground, rng_of(self._seed, "actor", member.name, "gait")
@@ -214,7 +233,7 @@ class Cast:
             for member, figure, placement in zip(members, figures, self._crowd.placements, strict=True)
         ]
         for actor in self.actors.values():
-            actor.forget(0)
+            actor.restart()
         self._add()
         self.step(robots)
 
@@ -237,11 +256,16 @@ class Cast:
     def end(self, knot_ns: int) -> None:
         """Let all stand from a knot [ns] on."""
         for actor in self.actors.values():
-            actor.forget(knot_ns // KNOT_NS + 1)
+            actor.end(knot_ns // KNOT_NS + 1)
+
+    def forget(self, before_ns: int) -> None:
+        """Forget the motion that no stamp from this one [ns] on needs."""
+        for actor in self.actors.values():
+            actor.forget(before_ns)
 
     def roots(self, knot_ns: int) -> dict[str, Array]:
         """Return world_from_root (4, 4) of all by name at a knot [ns]."""
-        return {name: actor.roots[min(knot_ns // KNOT_NS, len(actor.roots) - 1)] for name, actor in self.actors.items()}
+        return {name: actor.roots([knot_ns])[0] for name, actor in self.actors.items()}
 
     def twists(self, knot_ns: int) -> dict[str, Array]:
         """Return velocity [m/s] and turn rate [rad/s] in the world, (6,) by name, from a knot [ns] to the next."""
@@ -251,7 +275,7 @@ class Cast:
     def save(self) -> CastState:
         """Return what ``restore`` needs to go on from here."""
         assert self._crowd is not None
-        motion = [(list(actor.roots), list(actor.joints)) for actor in self.actors.values()]
+        motion = [actor.save() for actor in self.actors.values()]
         known = self._known()
         gaits = list[bytes]()
         for gait in self._gaits:
@@ -270,15 +294,14 @@ class Cast:
         self._crowd.restore(saved.crowd)
         known = self._known()
         self._gaits = [_Unpickler(BytesIO(stored), known).load() for stored in saved.gaits]
-        for actor, (roots, joints) in zip(self.actors.values(), saved.motion, strict=True):
-            actor.forget(0)
-            actor.roots, actor.joints = list(roots), list(joints)
+        for actor, motion in zip(self.actors.values(), saved.motion, strict=True):
+            actor.restore(motion)
 
 
 def twist_between(before: Array, after: Array) -> Array:
     """Velocity [m/s] and turn rate [rad/s] in the world, (n, 6), between poses (n, 4, 4) of one knot and the next."""
     turned = Rotation.from_matrix(after[:, :3, :3] @ before[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
-    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], turned], axis=1) / _SECONDS
+    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], turned], axis=1) / STEP
 
 
 class ActorStates:
@@ -298,7 +321,11 @@ class ActorStates:
 
     def digest(self) -> list[Array]:
         """Return all that is known, as the key of what is made of it."""
-        return [np.array(values) for each in self.actors.values() for values in (each.roots, each.joints)]
+        return [
+            values(np.arange(len(values)) * KNOT_NS)
+            for each in self.actors.values()
+            for values in (each.roots, each.joints)
+        ]
 
     def at(self, stamp_ns: int) -> tuple[Array, Array]:
         """Return poses (actors, 7), position and quaternion_xyzw, and twists (actors, 6) at a stamp [ns].
@@ -318,7 +345,8 @@ class ActorStates:
     def _between(self, number: int) -> tuple[Array, Array, Array]:
         """Return poses at the knot before and at this one, quaternions nearest to each other, and the twists."""
         every = list(self.actors.values())
-        roots = [np.array([each.roots[min(k, len(each.roots) - 1)] for each in every]) for k in (number - 1, number)]
+        knots = [(number - 1) * KNOT_NS, number * KNOT_NS]
+        roots = np.array([each.roots(knots) for each in every]).swapaxes(0, 1)
         before, after = (
             np.concatenate([each[:, :3, 3], quaternion_wxyz_from_rotation(each[:, :3, :3])[:, [1, 2, 3, 0]]], axis=1)
             for each in roots
@@ -328,11 +356,8 @@ class ActorStates:
 
     def joints(self, knots_ns: NDArray[np.int64]) -> tuple[Array, Array]:
         """Return values and speeds (n, joints) at knots (n,) [ns]; a speed is that of the interval before."""
-        every, rows = list(self.actors.values()), knots_ns // KNOT_NS
-        values, before = (np.concatenate([_joints(each, k) for each in every], axis=1) for k in (rows, rows - 1))
-        return values, (values - before) / _SECONDS
-
-
-def _joints(actor: Actor, rows: NDArray[np.int64]) -> Array:
-    """Values (n, joints) at knots of these numbers (n,); behind the last one, those of the last."""
-    return np.array([actor.joints[k] for k in np.clip(rows, 0, len(actor.joints) - 1).tolist()])
+        values, before = (
+            np.concatenate([each.joints(knots) for each in self.actors.values()], axis=1)
+            for knots in (knots_ns, knots_ns - KNOT_NS)
+        )
+        return values, (values - before) / STEP

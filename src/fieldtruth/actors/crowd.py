@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.actors.behaviour import Behaviour, Member, Mind, Order, RobotState
-from fieldtruth.actors.figure import Placement
+from fieldtruth.actors.figure import STEP, Placement
 from fieldtruth.actors.forces import (
     RELAXATION,
     away_from_others,
@@ -34,10 +34,6 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.random import rng_of
 from fieldtruth.world.model import World
 
-__all__ = ["Crowd", "Member", "RobotState"]
-
-STEP: Final = 0.01
-"""Time [s] from one knot to the next."""
 _TURN: Final = 3.0  # [rad/s] at most
 _TURNING: Final = 0.25  # [s] in which a heading follows
 _CALM: Final = 0.25  # [m/s]; forces on one who stands that ask for less do not move it
@@ -65,25 +61,26 @@ class State:
 class Crowd:
     """Actors of one drive: ``placements`` are those of the knot that was reached, at first that of time 0.
 
-    ``way`` (n, 2) [m] is the robot's expected path. Equal arguments give equal motion.
+    ``ways``, each (n, 2) [m], are the robots' expected paths. Equal arguments give equal motion.
 
     Raises:
         ConfigurationError: a start, a script or a speed that is not allowed, or no place for a behaviour.
     """
 
     def __init__(
-        self, world: World, members: Sequence[Member], *, seed: int, way: Array, robots: Sequence[RobotState]
+        self, world: World, members: Sequence[Member], *, seed: int, ways: Sequence[Array], robots: Sequence[RobotState]
     ) -> None:
         self.members = tuple(members)
         given = [m.config.start for m in members if m.config.start] + [p.xy for m in members for p in m.config.script]
-        self._places = Places(world, np.asarray(way, np.float64)[:, :2], np.array(given, np.float64).reshape(-1, 2))
+        ways = [np.asarray(way, np.float64)[:, :2] for way in ways]
+        self._places = Places(world, np.concatenate(ways), np.array(given, np.float64).reshape(-1, 2))
         first: dict[str, int] = {}
         leaders = [first.setdefault(m.group, row) if m.group else row for row, m in enumerate(members)]
         self._behaviour = Behaviour(self._places, members, leaders)
         self._scripts = {k: Script(self._places, m) for k, m in enumerate(members) if m.config.script}
         self._flights: dict[int, Flight] = {}
         self._set_kinds(leaders)
-        starts = self._starts(np.asarray(way, np.float64)[:, :2], seed, robots, leaders)
+        starts = self._starts(ways, seed, robots, leaders)
         self._state = State(
             knot=0,
             position=np.array([start.position for start in starts]).reshape(-1, 2),
@@ -167,8 +164,10 @@ class Crowd:
             groups.setdefault(leaders[row], []).append(place)
         self._groups = [np.array(rows, np.intp) for rows in groups.values() if len(rows) > 1]
 
-    def _starts(self, way: Array, seed: int, robots: Sequence[RobotState], leaders: Sequence[int]) -> list[Start]:
-        finder, found, flying = Starts(self._places, way, robots, self.members), list[Start](), list[Array]()
+    def _starts(
+        self, ways: Sequence[Array], seed: int, robots: Sequence[RobotState], leaders: Sequence[int]
+    ) -> list[Start]:
+        finder, found, flying = Starts(self._places, ways, robots, self.members), list[Start](), list[Array]()
         for row, member in enumerate(self.members):
             rng = rng_of(seed, "actor", member.name)
             if member.pace > member.top_speed:
@@ -183,7 +182,7 @@ class Crowd:
                     finder.check_robots(member, point)
                 found.append(Start(point, script.first_heading(), Mind(rng, point, until=math.inf)))
             elif member.flies:
-                flight = self._flights[row] = flight_of(self._places, member, way, rng, flying)
+                flight = self._flights[row] = flight_of(self._places, member, ways, rng, flying)
                 point, after = np.array(flight.at(0.0)), np.array(flight.at(0.5))
                 heading = math.atan2(*(after - point)[::-1])
                 found.append(Start(point, heading, Mind(rng, point, until=math.inf)))

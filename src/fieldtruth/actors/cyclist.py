@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.actors.figure import Figure, Ground, Joint, Placement, fitted
-from fieldtruth.actors.limbs import STEP, Motion, pitched, turned
+from fieldtruth.actors.figure import STEP, Figure, Ground, Joint, Placement, fitted
+from fieldtruth.actors.limbs import Motion, applied, ease, pitched, turned
 from fieldtruth.actors.person import (
     ANKLE,
     BALL,
@@ -19,6 +19,7 @@ from fieldtruth.actors.person import (
     HIP,
     SHANK,
     SHOULDER,
+    SHOULDER_UP,
     THIGH,
     UPPER_ARM,
     body,
@@ -30,6 +31,7 @@ from fieldtruth.actors.shapes import Colour, Surface, make_loft, materials_of, p
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.solids import make_box, make_lathe, make_tube, placed
 
@@ -50,9 +52,18 @@ _GRIP: Final = (0.02, 0.26, 0.24)
 """Of the left hand, in the frame of the fork."""
 _BARS: Final = 7
 """Parts of the bicycle, which come before those of the rider."""
-_GRAVITY: Final = 9.81
 _PELVIS, _CHEST = 0.42, 0.30
 """[rad] by which pelvis and chest lean forwards."""
+_STANDS: Final = 0.1
+"""[m/s] below which the left foot comes down."""
+_DOWN: Final = (0.5, 1.2)
+"""[s] of standing in which it does."""
+_FOOT: Final = (-0.12, 0.36)
+"""Where its ball is then, in an upright frame: x and y."""
+_TIP: Final = 0.22
+"""[rad] by which the bicycle leans to this side."""
+_TIPTOE: Final = 0.55
+"""[rad] by which the heel is up: the saddle is too high for a flat foot."""
 _FRAMES: Final[tuple[Colour, ...]] = ((0.02, 0.02, 0.022), (0.30, 0.02, 0.018), (0.02, 0.07, 0.22), (0.5, 0.5, 0.49),
     (0.03, 0.14, 0.07))  # fmt: skip
 
@@ -184,6 +195,8 @@ class CyclistGait:
         self._stature, self._ground = stature, ground
         self.motion = Motion(placement)
         self._yaw, self._lean, self._steer = placement.heading, 0.0, 0.0
+        self._stood = 0.0
+        """[s] that it stands, at most those in which the foot comes down."""
         self._wheels = [0.0, 0.0]
         self._crank = float(rng.uniform(0, math.tau))
 
@@ -204,7 +217,10 @@ class CyclistGait:
         self._wheels[0] += math.hypot(ahead, aside) * math.copysign(1.0, ahead) / RADIUS
         self._wheels[1] += ahead / RADIUS
         self._crank += max(ahead, 0.0) / RADIUS / _GEAR
-        leaning = math.atan(motion.speed * turn / STEP / _GRAVITY)
+        stands = abs(motion.speed) < _STANDS
+        self._stood = min(self._stood + STEP, _DOWN[1]) if stands else max(self._stood - 2 * STEP, 0.0)
+        down = ease((self._stood - _DOWN[0]) / (_DOWN[1] - _DOWN[0]))
+        leaning = math.atan(motion.speed * turn / STEP / GRAVITY) + _TIP * down
         self._lean += STEP / (0.25 + STEP) * (leaning - self._lean)
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         front, rear = (
@@ -216,26 +232,38 @@ class CyclistGait:
         root[:3, 3] = motion.x, motion.y, (front * -REAR + rear * FRONT) / (FRONT - REAR)
         cranks = self._crank
         bicycle = [-_RAKE, self._steer, self._wheels[0], self._wheels[1], cranks, -cranks, -cranks]
-        return root, np.array(bicycle + self._rider())
+        x, y, _ = root[:3, 3] + root[:3, :3] @ [_FOOT[0], _FOOT[1], 0.0]
+        rise = self._ground(x, y) - float(root[2, 3] + root[2, 0] * _FOOT[0])
+        return root, np.array(bicycle + self._rider(down, rise))
 
-    def _rider(self) -> list[float]:
-        """Return the angles of the rider's joints; all in the frame of the bicycle."""
+    def _rider(self, down: float, rise: float) -> list[float]:
+        """Return the angles of the rider's joints; all in the frame of the bicycle.
+
+        The left foot is on the ground by the share ``down``, else on its pedal; there the ground is higher by ``rise``
+        [m].
+        """
         h, hips = self._stature, _saddle(self._stature)
         chest = _PELVIS + _CHEST
         values = [hips, 0.0, _PELVIS, 0.0, 0.0, _CHEST, 0.0, 0.3 * self._steer, -0.85 * chest]
         turn = turned(0.0, _PELVIS, 0.0)
-        sx = -0.27 + h * (0.06 * math.sin(_PELVIS) + 0.199 * math.sin(chest) - 0.004 * math.cos(chest))
-        sz = hips + h * (0.06 * math.cos(_PELVIS) + 0.199 * math.cos(chest) + 0.004 * math.sin(chest))
+        sx = -0.27 + h * (0.06 * math.sin(_PELVIS) + SHOULDER_UP * math.sin(chest) - 0.004 * math.cos(chest))
+        sz = hips + h * (0.06 * math.cos(_PELVIS) + SHOULDER_UP * math.cos(chest) + 0.004 * math.sin(chest))
         for side in (1.0, -1.0):
             values += self._arm(side, (sx, side * SHOULDER * h, sz), chest)
         for side in (1.0, -1.0):
             angle = self._crank + (0.0 if side > 0 else math.pi)
             px, pz = _AXLE[0] - _CRANK * math.sin(angle), _AXLE[1] - _CRANK * math.cos(angle) + 0.016
             tilt = 0.20 + 0.22 * math.sin(angle)
-            own = pitched(turned(0.0, 0.0, 0.0), tilt)
-            ankle = (px - own[0] * BALL * h + own[2] * ANKLE * h, side * 0.115,
-                pz - own[6] * BALL * h + own[8] * ANKLE * h)  # fmt: skip
-            values += leg_angles((-0.27, side * HIP * h, hips), turn, (ankle, own, 0.0), 0.0, h)
+            share = down if side > 0 else 0.0
+            py, tilt = side * 0.115, tilt + share * (_TIPTOE - tilt)
+            if share:
+                c, s = math.cos(self._lean), math.sin(self._lean)
+                y, z = _FOOT[1] * c - rise * s, _FOOT[1] * s + rise * c
+                px, py, pz = px + share * (_FOOT[0] - px), py + share * (y - py), pz + share * (z - pz)
+            own = pitched(turned(0.0, 0.0, share * self._lean), tilt)
+            x, y, z = applied(own, BALL * h, 0.0, -ANKLE * h)
+            ankle = (px - x, py - y, pz - z)
+            values += leg_angles((-0.27, side * HIP * h, hips), turn, (ankle, own, -share * _TIPTOE), 0.0, h)
         return values
 
     def _arm(self, side: float, shoulder: tuple[float, float, float], chest: float) -> tuple[float, float, float]:

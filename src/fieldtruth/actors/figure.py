@@ -16,8 +16,11 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.sense.moving import KNOT_NS
 from fieldtruth.world.model import Collider, Material, Mesh
 
+STEP: Final = KNOT_NS / 1e9
+"""[s] between two knots."""
 _OTHERS: Final = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
 """Columns of a rotation that turn about an axis."""
 Ground = Callable[[float, float], float]

@@ -6,11 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from fieldtruth.actors.figure import Ground, Placement
-from fieldtruth.sense.moving import KNOT_NS
+from fieldtruth.actors.figure import STEP, Ground, Placement
 
-STEP: Final = KNOT_NS / 1e9
-"""[s] between two knots."""
 _MEMORY: Final = 0.06
 """[s] in which velocities are smoothed."""
 _CLOSE, _ALIGNED = 0.04, 0.15

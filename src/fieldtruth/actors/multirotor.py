@@ -11,16 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.actors.figure import Figure, Ground, Joint, Placement, fitted
-from fieldtruth.actors.limbs import STEP, Motion
+from fieldtruth.actors.figure import STEP, Figure, Ground, Joint, Placement, fitted
+from fieldtruth.actors.limbs import Motion
 from fieldtruth.actors.shapes import Colour, Surface, make_ball, make_loft, materials_of, part
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.solids import make_box, make_lathe, make_tube, placed
 
-GRAVITY: Final = 9.81
 DRAG: Final = 0.22
 """[1/s] of acceleration per speed: a lean of 15 deg at 12 m/s, as small multirotors fly."""
 SPIN: Final = 95.0

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fieldtruth.actors.behaviour import Member
-from fieldtruth.actors.places import Places
+from fieldtruth.actors.places import Places, one_of
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 
@@ -129,13 +129,15 @@ class Flight(NamedTuple):
         return x + sum(swings[:3]), y + sum(swings[3:])
 
 
-def flight_of(places: Places, member: Member, way: Array, rng: np.random.Generator, taken: Sequence[Array]) -> Flight:
-    """Return a flight about the robot's way, apart from the ``taken`` starts (3,) of others: x, y, radius.
+def flight_of(
+    places: Places, member: Member, ways: Sequence[Array], rng: np.random.Generator, taken: Sequence[Array]
+) -> Flight:
+    """Return a flight about a robot's way, apart from the ``taken`` starts (3,) of others: x, y, radius.
 
     Raises:
         ConfigurationError: no free air.
     """
-    kind, height = member.config.chosen_behaviour, member.config.height_m
+    kind, height, way = member.config.chosen_behaviour, member.config.height_m, one_of(ways, member.own_start, rng)
     driven = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     for attempt in range(200):
         ahead = 12.0 + (rng.uniform(-6.0, 6.0 + 0.3 * attempt) if attempt else 0.0)

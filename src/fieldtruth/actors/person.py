@@ -3,10 +3,11 @@
 """People: bodies of different size, build and clothes, who walk, jog, stand and sit.
 
 Lengths are shares of the stature (Drillis and Contini 1966, as in Winter, Biomechanics and Motor Control of Human
-Movement, 2009). Cadence grows with the power 0.58 of the speed (Grieve and Gear 1966) from 1.9 Hz at 1.4 m/s; a foot
-carries for 62 % of a stride at that speed and for 39 % of one in a run of 3.2 m/s (Novacheck 1998). People begin to run
-at 2 m/s (Thorstensson and Roberthson 1987). The foot rolls from the heel over the flat sole to the toes, which stay on
-the ground until it is lifted.
+Movement, 2009). Cadence grows with the power 0.58 of the speed (Grieve and Gear 1966) from 1.9 Hz at 1.4 m/s, so that
+the walk ratio, length of a step over its rate, is 0.6 to 0.65 cm min (Sekiya and Nagasaki 1998). A foot carries for
+62 % of a stride at that speed and for 39 % of one in a run of 3.2 m/s (Novacheck 1998). People begin to run at 2 m/s
+(Thorstensson and Roberthson 1987). The foot rolls from the heel over the flat sole to the toes, which stay on the
+ground until it is lifted.
 """
 
 import math
@@ -15,9 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.actors.figure import Figure, Ground, Joint, Placement, fitted
+from fieldtruth.actors.figure import STEP, Figure, Ground, Joint, Placement, fitted
 from fieldtruth.actors.limbs import (
-    STEP,
     Foot,
     Matrix,
     Motion,
@@ -33,7 +33,7 @@ from fieldtruth.actors.limbs import (
     turned,
     two_links,
 )
-from fieldtruth.actors.shapes import Colour, Surface, make_ball, make_loft, materials_of, part
+from fieldtruth.actors.shapes import CHECKS, CLOTH, Colour, Surface, make_ball, make_loft, materials_of, part
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.model import Collider, Mesh
@@ -41,8 +41,10 @@ from fieldtruth.world.model import Collider, Mesh
 THIGH, SHANK, ANKLE = 0.245, 0.246, 0.045
 HIP, BALL, HEEL = 0.052, 0.070, -0.040
 """Half the distance of the hip joints; ball of the foot and heel from the ankle. ANKLE: height with the shoe's sole."""
-UPPER_ARM, FOREARM, SHOULDER = 0.172, 0.146, 0.099
+UPPER_ARM, FOREARM, SHOULDER, SHOULDER_UP = 0.172, 0.146, 0.099, 0.209
 _Make = Callable[..., Mesh]
+_GENTLE: Final = 0.08
+"""Slope up to which steps are as on level ground; on steep ones they are shorter (assumed: so legs reach)."""
 _SEAT: Final = 0.45 + 0.085
 """[m] of the hip joints above the ground on a bench."""
 _COATS: Final[tuple[Colour, ...]] = ((0.020, 0.030, 0.070), (0.035, 0.036, 0.040), (0.070, 0.075, 0.040),
@@ -89,11 +91,13 @@ def clothes(rng: np.random.Generator) -> dict[str, Surface]:
 
     coat, trousers, skin = one(_COATS), one(_TROUSERS), one(_SKIN)
     bare_arms, bare_legs = rng.random() < 0.2, rng.random() < 0.12
-    return {"coat": Surface(coat, 0.5), "sleeve": Surface(skin, 0.55) if bare_arms else Surface(coat, 0.5),
-        "trousers": Surface(trousers, 0.5), "leg": Surface(skin, 0.55) if bare_legs else Surface(trousers, 0.5),
+    top = Surface(coat, 0.5, texture=CHECKS if rng.random() < 0.2 else CLOTH)
+    below = Surface(trousers, 0.5, texture=CLOTH)
+    return {"coat": top, "sleeve": Surface(skin, 0.55) if bare_arms else top,
+        "trousers": below, "leg": Surface(skin, 0.55) if bare_legs else below,
         "skin": Surface(skin, 0.55, 0.05), "hair": Surface(one(_HAIR), 0.25, 0.1),
         "eye": Surface((0.02, 0.015, 0.012), 0.1, 0.3), "shoe": Surface(one(_SHOES), 0.3, 0.1),
-        "sole": Surface((0.035, 0.034, 0.033), 0.1), "pack": Surface(one(_COATS), 0.3)}  # fmt: skip
+        "sole": Surface((0.035, 0.034, 0.033), 0.1), "pack": Surface(one(_COATS), 0.3, texture=CLOTH)}  # fmt: skip
 
 
 def joints_of(stature: float) -> tuple[Joint, ...]:
@@ -105,7 +109,7 @@ def joints_of(stature: float) -> tuple[Joint, ...]:
         *(Joint(f"head_{axis}", head, chest, (-0.004 * h, 0, 0.242 * h), axis) for axis in ("z", "y"))]  # fmt: skip
     for k, (side, y) in enumerate((("left", 1.0), ("right", -1.0))):
         arm = 3 + 2 * k
-        found += [*(Joint(f"{side}_shoulder_{a}", arm, chest, (-0.004 * h, y * SHOULDER * h, 0.199 * h), a)
+        found += [*(Joint(f"{side}_shoulder_{a}", arm, chest, (-0.004 * h, y * SHOULDER * h, SHOULDER_UP * h), a)
             for a in "yx"), Joint(f"{side}_elbow", arm + 1, arm, (0, 0, -UPPER_ARM * h), "y")]  # fmt: skip
     for k, (side, y) in enumerate((("left", 1.0), ("right", -1.0))):
         leg = 7 + 4 * k
@@ -134,8 +138,9 @@ def body(name: str, stature: float, rng: np.random.Generator) -> tuple[Mesh, ...
         (0.03, 0, 0, 0.054, 0.076), (0.06, 0, 0, 0.044, 0.06)], hips, bulge=0.6)  # fmt: skip
     chest = loft("coat", [(-0.066, -0.004, 0, 0.078 * hips / girth, 0.104 * hips / girth),
         (-0.02, -0.002, 0, 0.068, 0.093), (0.03, 0, 0, 0.060, 0.084), (0.12, 0.002, 0, 0.066, 0.099 * wide),
-        (0.18, -0.002, 0, 0.061, 0.112 * wide), (0.207, -0.004, 0, 0.050, 0.110 * wide),
-        (0.226, -0.006, 0, 0.040, 0.080), (0.240, -0.006, 0, 0.034, 0.046)], girth, sides=11, bulge=0.25)  # fmt: skip
+        (0.19, -0.002, 0, 0.061, 0.112 * wide), (0.217, -0.004, 0, 0.050, 0.110 * wide),
+        (0.236, -0.006, 0, 0.042, 0.082), (0.250, -0.006, 0, 0.038, 0.052),
+        (0.262, -0.006, 0, 0.036, 0.037)], girth, sides=11, bulge=0.25)  # fmt: skip
     trunk = [chest]
     if rng.random() < 0.3:
         trunk.append(loft("pack", [(0.01, -0.085, 0, 0.040, 0.070), (0.09, -0.090, 0, 0.046, 0.078),
@@ -250,7 +255,7 @@ class PersonGait:
             self._slope += STEP / (0.25 + STEP) * (slope - self._slope)
         self._z = z
         rhythm = rhythm_of(speed, h)
-        steep = 1.0 + 1.3 * abs(self._slope)  # shorter steps on slopes
+        steep = 1.0 + 1.3 * abs(self._slope) * ease((abs(self._slope) - _GENTLE) / 0.08)
         rhythm = rhythm._replace(frequency=rhythm.frequency * steep, lead=rhythm.lead + 0.25 * self._slope)
         self._steps.step(rhythm, self._ground)
         values = self._limbs(z, speed, rhythm)

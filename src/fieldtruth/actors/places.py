@@ -8,11 +8,13 @@ apart or more (Dijkstra); off the trails they can cost more.
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.ndimage import distance_transform_edt, gaussian_filter, label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
@@ -35,7 +37,8 @@ _CELLS: Final = 2e6  # of the clearance, at most; a larger region has larger one
 _NODE: Final = 0.5  # [m] between the nodes of ways
 _NODES: Final = 6e4
 _AIR: Final = 1.2  # [m] above and below a flying actor that is free of objects
-_SAMPLED: Final = 3000  # vertices of an object that are looked at for it
+_SAMPLED: Final = 3000  # vertices of an object that are looked at for it,
+_APART: Final = 0.4  # [m] and points of its larger triangles, so far apart
 _OFF_TRAIL: Final = 8.0
 """Cost of a metre off the trails for those who keep to them; it is 1 on a trail, and up to 2 near its edge."""
 
@@ -72,6 +75,7 @@ class Places:
         self._set_nodes(way)
         self._graph = lru_cache(maxsize=16)(self._make_graph)
         self.air = lru_cache(maxsize=16)(self._make_air)
+        self._surface = lru_cache(maxsize=None)(self._make_surface)
 
     def clearance(self, points: Array) -> Array:
         """Free radius [m] (...) around points (..., 2) [m]; 0 and below where they are blocked."""
@@ -236,15 +240,25 @@ class Places:
             steep[row] = np.hypot(*field.slope_at(at, y, 0.5)) > _STEEPEST
         return wet, steep
 
+    def _make_surface(self, mesh: str) -> Array:
+        """Points (n, 3) [m] of a mesh's surface, in its frame."""
+        made = self.part.meshes[mesh]
+        corners = made.vertices[made.faces].astype(np.float64)
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        counts = np.where(longest > _APART, np.ceil(longest / _APART), 0).astype(int)
+        found = [made.vertices[:: 1 + len(made.vertices) // _SAMPLED].astype(np.float64)]
+        for count in np.unique(counts[counts > 0]).tolist():
+            i, j = (each.ravel() for each in np.meshgrid(*2 * [np.arange(count + 1)]))
+            shares = np.stack([i, j, count - i - j], axis=1)[i + j <= count] / count
+            found.append(np.einsum("ps,fsk->fpk", shares, corners[counts == count]).reshape(-1, 3))
+        return np.concatenate(found)
+
     def _make_air(self, height: float) -> Raster:
         """Free radius [m] at the nodes around an actor that flies at a height [m] above the ground."""
         field, taken = self.part.terrain.field, np.zeros(self._shape, bool)
         start = self.nodes[0]
         for instance in self.part.instances:
-            vertices = self.part.meshes[instance.mesh].vertices
-            points = transform(
-                instance.world_from_object, vertices[:: 1 + len(vertices) // _SAMPLED].astype(np.float64)
-            )
+            points = transform(instance.world_from_object, self._surface(instance.mesh))
             if not len(points) or points[:, 2].max() < self.smooth_ground.at(*points[0, :2]) + height - 2 * _AIR:
                 continue
             above = points[:, 2] - field.height_at(points[:, 0], points[:, 1])
@@ -256,3 +270,12 @@ class Places:
         edge = np.minimum(self.nodes - self.low, self.high - self.nodes).min(axis=1).reshape(self._shape)
         grid = self.smooth_ground
         return Raster(values=np.minimum(free, edge).astype(np.float32), spacing=grid.spacing, x0=grid.x0, y0=grid.y0)
+
+
+def one_of(ways: Sequence[Array], near: ArrayLike | None, rng: np.random.Generator) -> Array:
+    """Return one of the robots' ways (n, 2): the nearest to a point (2,), or one at random."""
+    if len(ways) == 1:
+        return ways[0]
+    if near is None:
+        return ways[int(rng.integers(len(ways)))]
+    return min(ways, key=lambda way: float(np.hypot(*(way - np.asarray(near)).T).min()))

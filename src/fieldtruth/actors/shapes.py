@@ -7,14 +7,17 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.model import Material, Mesh, make_mesh, merge_meshes
 
-TEXTURE: Final = "actor"
-"""Plain white image, by name; colours are tints."""
+TEXTURE, CLOTH, CHECKS = "actor", "actor cloth", "actor checks"
+"""Plain white, folds of cloth, and the same with checks; colours are tints."""
+_CLOTH: Final = 0.5
+"""[m] of cloth along a limb that its texture covers."""
 Colour = tuple[float, float, float]
 """Linear shares of red, green and blue."""
 _CAP: Final = (0.45, 0.82)
@@ -29,18 +32,35 @@ class Surface(NamedTuple):
     gloss: float = 0.0
     label: int | None = None
     """None: that of the figure."""
+    texture: str = TEXTURE
 
 
 def materials_of(name: str, label: int, surfaces: Mapping[str, Surface]) -> dict[str, Material]:
     """Return the materials of an actor, by name: its own followed by that of the surface."""
     found = {}
-    for key, (colour, reflectance, gloss, own) in surfaces.items():
+    for key, (colour, reflectance, gloss, own, texture) in surfaces.items():
         full = f"{name} {key}"
         kind = label if own is None else own
         found[full] = Material(
-            name=full, label=kind, texture=TEXTURE, tint=colour, gloss=gloss, reflectance=reflectance
+            name=full, label=kind, texture=texture, tint=colour, gloss=gloss, reflectance=reflectance
         )
     return found
+
+
+def make_textures() -> dict[str, NDArray[np.uint8]]:
+    """Return the images (n, n, 3) of materials of actors by name; those of cloth repeat along limbs only."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, 128), np.arange(128) / 128)
+    noise = np.random.default_rng(5).normal(size=(3, *u.shape))
+    folds = gaussian_filter(noise[0], (5.0, 9.0), mode=("wrap", "nearest"))
+    folds = folds / folds.std() + 0.5 * (broad := gaussian_filter(noise[1], 14.0, mode="wrap")) / broad.std()
+    slope = np.roll(folds, -2, axis=0) - np.roll(folds, 2, axis=0)  # folds are lit from above
+    cloth = np.clip(0.93 + 0.07 * slope / slope.std() + 0.025 * folds, 0.7, 1.0) - 0.015 * np.abs(noise[2])
+    bands = [1.0 - 0.38 * (np.mod(6 * each, 1.0) < 0.4) for each in (u, v)]
+    values = {TEXTURE: np.ones((1, 1)), CLOTH: cloth, CHECKS: cloth * bands[0] * bands[1]}
+    return {
+        name: np.repeat(np.rint(255 * np.minimum(each, 1.0)).astype(np.uint8)[..., None], 3, axis=2)
+        for name, each in values.items()
+    }
 
 
 def make_loft(
@@ -108,7 +128,16 @@ def _skinned(material: str, rings: Array, tips: Array) -> Mesh:
     for k in range(3):
         np.add.at(normals, triangles[:, k], across)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return make_mesh("part", vertices, normals, np.zeros((len(vertices), 2)), triangles, (material,), footprint=0.0)
+    # Around a limb u goes to 1 and back, so that there is no seam.
+    along = np.cumsum([0.0, *np.linalg.norm(np.diff(rings.mean(axis=1), axis=0), axis=1)]) / _CLOTH
+    around = 1.0 - np.abs(2.0 * here / sides - 1.0)
+    uv = np.concatenate(
+        [
+            np.stack([np.tile(around, count), np.repeat(along, sides)], axis=1),
+            [(0.5, along[0]), (0.5, along[-1])],
+        ]
+    )
+    return make_mesh("part", vertices, normals, uv, triangles, (material,), footprint=0.0)
 
 
 def make_ball(material: str, centre: ArrayLike, radii: ArrayLike, *, sides: int = 10, rings: int = 6) -> Mesh:

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.actors.behaviour import Member, Mind, RobotState
-from fieldtruth.actors.places import Places
+from fieldtruth.actors.places import Places, one_of
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.standing import trail_headings
@@ -37,8 +37,10 @@ class Start(NamedTuple):
 class Starts:
     """Finds starts one after the other; ``taken`` (x, y, radius) of others, those that are given included."""
 
-    def __init__(self, places: Places, way: Array, robots: Sequence[RobotState], members: Sequence[Member]) -> None:
-        self._places, self._way, self._robots = places, way, robots
+    def __init__(
+        self, places: Places, ways: Sequence[Array], robots: Sequence[RobotState], members: Sequence[Member]
+    ) -> None:
+        self._places, self._ways, self._way, self._robots = places, ways, np.concatenate(ways), robots
         given = ((m, m.own_start) for m in members if not m.flies)
         self.taken = [(*place, m.radius, m.name) for m, place in given if place is not None]
 
@@ -159,8 +161,10 @@ class Starts:
         return np.asarray(off_way > 1.0)
 
     def _beside_way(self, member: Member, rng: np.random.Generator, given: Array | None, leader: Start | None) -> Start:
-        """Wait beside the robot's way, with free ground to the other side of it."""
-        way, count = self._way, len(self._way)
+        """Wait beside a robot's way, with free ground to the other side of it."""
+        near = given if leader is None or leader.mind.across is None else leader.mind.across
+        way = one_of(self._ways, near, rng)
+        count = len(way)
         driven = np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))
         first = min(int(np.searchsorted(driven, _TIME_TO_CROSS)), max(count - 1, 0))
         if given is not None:
@@ -184,7 +188,7 @@ class Starts:
             free = self._places.is_clear(position, other, member.radius + 0.05) and (
                 given is not None or bool(self._free(member, position[None], 4.0)[0])
             )
-            if free and min(np.hypot(*(way - end).T).min() for end in (position, other)) > 1.2 + member.radius:
+            if free and min(np.hypot(*(self._way - end).T).min() for end in (position, other)) > 1.2 + member.radius:
                 mind = Mind(rng, position, task="beside", across=(float(middle[0]), float(middle[1])))
                 mind.facing = math.atan2(*(middle - position)[::-1])
                 return Start(position, mind.facing, mind)

@@ -68,6 +68,7 @@ def _fill(actors: Iterable[Actor], poses: Mapping[str, KnotPoses], joints: Seque
         raise BagError(f"a message of {table.ACTOR_JOINTS} has {wrong[0]} joints, its actors have {count}")
     for actor in actors:
         last = first + len(actor.figure.joints)
-        for root, values in zip(poses[actor.name].save(), [*joints[:1], *joints], strict=False):
+        roots = poses[actor.name]
+        for root, values in zip(roots(np.arange(len(roots)) * KNOT_NS), [*joints[:1], *joints], strict=False):
             actor.add(root, values[first:last])
         first = last

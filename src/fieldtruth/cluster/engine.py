@@ -19,7 +19,7 @@ from fieldtruth.bag.topics import topics_of_run
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster import worker
 from fieldtruth.cluster.worker import Order, OtherWorkerError, cluster_errors, difference, facts, make_slice
-from fieldtruth.core.errors import ClusterError, FieldtruthWarning
+from fieldtruth.core.errors import ClusterError, ConfigurationError, FieldtruthWarning
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.experiment.config import Experiment
@@ -153,9 +153,13 @@ class ClusterEngine:
         """Have a worker build the world and drive, or follow the track file.
 
         Raises:
+            ConfigurationError: an experiment with actors.
             ClusterError: a worker differs from this machine, or workers or scheduler are lost.
             RouteError, DriveError, TrackError: as in ``generate``.
         """
+        if simulation.experiment.actors:
+            name = simulation.experiment.name
+            raise ConfigurationError(f"{name} has actors, which move in one process; leave the cluster out")
         with cluster_errors():
             with progress.stage("wait for workers"):
                 self.client.wait_for_workers(1)

@@ -118,6 +118,16 @@ class Options(NamedTuple):
         """Labels to write."""
         return self.label_map or own_labels(self.classes)
 
+    def of(self, classes: ClassTable, shard_mb: int | None, voxel_m: float | None) -> "Options":
+        """Return the options for runs of these classes; None stands for the usual sizes."""
+        shard_bytes = self.shard_bytes if shard_mb is None else shard_mb * 10**6
+        return self._replace(
+            label_map=self.label_map and self.label_map.over(classes),
+            classes=classes,
+            shard_bytes=shard_bytes,
+            voxel_m=self.voxel_m if voxel_m is None else voxel_m,
+        )
+
     def each(self, stage: str, run: Run, items: Sequence[T], work: Callable[[T], R]) -> Iterator[R]:
         """Yield the results of ``work``, which is done by threads, in the order of the items of a run."""
         with self.progress.stage(stage, run.duration_s) as advance:
@@ -168,16 +178,10 @@ def export(
     target = None if out is None else _checked_output(to, out)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
     runs = [member.run for member in members] or _runs_for(to, paths)
-    workers, progress = cpu_count() if workers is None else workers, Silent() if progress is None else progress
-    shard_bytes = (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6
-    edge = DEFAULT_VOXEL_M if voxel_m is None else voxel_m
-    classes = _classes_of(runs)
-    labels = chosen and chosen.over(classes)
-    options = Options(labels, workers, progress, members, shard_bytes, boxes, edge, classes, maps or MapOptions())
+    workers = cpu_count() if workers is None else workers
+    options = Options(chosen, workers, progress or Silent(), members, boxes=boxes, maps=maps or MapOptions())
     target = target or _checked_output(to, _default_output(to, paths[0], runs[0]))
-    _write(to, runs, target, options)
-    _warn_of_left_out(to, runs, target.name)
-    return target
+    return _write(to, runs, target, options.of(_classes_of(runs), shard_mb, voxel_m))
 
 
 def _classes_of(runs: Sequence[Run]) -> ClassTable:
@@ -197,7 +201,7 @@ def _warn_of_left_out(to: str, runs: Sequence[Run], name: str) -> None:
     others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
     if others and not FORMATS[to].copies:
         text = f"left out of {name}, as {to} cannot hold their readings: {', '.join(others)}"
-        warnings.warn(text, FieldtruthWarning, stacklevel=3)
+        warnings.warn(text, FieldtruthWarning, stacklevel=4)
 
 
 def _check_options(to: str, asked: dict[str, bool]) -> None:
@@ -217,8 +221,8 @@ def _check_map_options(to: str, maps: MapOptions) -> None:
             raise OutputError(f"format {to!r} has no {key}; formats that have: {able}")
 
 
-def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write the output in a hidden folder that no other process uses, and move it when it is complete."""
+def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> Path:
+    """Write the output in a hidden folder that no other process uses, move it when it is complete, and return it."""
     folder = target.with_name(f".{target.name}.part")
     part = folder / target.name
     write = _writer(to)
@@ -231,6 +235,8 @@ def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None
             write(runs, part, options)
             _state_assumptions(runs, part)
             replace_synced(part, target)
+    _warn_of_left_out(to, runs, target.name)
+    return target
 
 
 def _state_assumptions(runs: Sequence[Run], target: Path) -> None:

@@ -29,6 +29,8 @@ KNOT_NS: Final = 10_000_000
 """Time [ns] between two knots."""
 MOST_KNOTS: Final = 129
 """Knots of a reading's interval at most (Embree's RTC_MAX_TIME_STEP_COUNT): 1.27 s."""
+_FORGOTTEN: Final = 50
+"""Poses that are forgotten together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,35 +60,51 @@ class MovingBody:
 class KnotPoses:
     """Poses (4, 4) at knots from time 0 on, for a ``MovingBody`` whose motion becomes known by and by.
 
-    Behind the last knot that is known, the pose is that of the last one.
+    Behind the last knot that is known, the pose is that of the last one. Other arrays, such as values of joints, may
+    stand for the poses.
     """
 
     def __init__(self) -> None:
         self._poses: list[Array] = []
+        self._first = 0
+        """Number of the first knot that is not forgotten."""
 
     def __len__(self) -> int:
-        return len(self._poses)
+        return self._first + len(self._poses)
 
-    def restart(self, pose: Array) -> None:
-        """Forget all poses, and begin with that at time 0."""
-        self._poses = [pose]
+    def restart(self, *poses: Array) -> None:
+        """Forget all poses, and begin with these at time 0."""
+        self._poses, self._first = [*poses], 0
 
-    def add(self, poses: Array) -> None:
+    def add(self, poses: Iterable[Array]) -> None:
         """Add the poses (n, 4, 4) at the next knots."""
         self._poses += list(poses)
 
-    def save(self) -> list[Array]:
-        """Return what ``restore`` needs."""
-        return list(self._poses)
+    def forget(self, before_ns: int) -> None:
+        """Forget the poses at knots before the last one ahead of a stamp [ns]."""
+        count = min(before_ns // KNOT_NS - 1, len(self) - 1) - self._first
+        if count >= _FORGOTTEN:
+            del self._poses[:count]
+            self._first += count
 
-    def restore(self, saved: Sequence[Array]) -> None:
+    def end(self, count: int) -> None:
+        """Know only the first knots, so many."""
+        del self._poses[max(count - self._first, 0) :]
+
+    def save(self) -> tuple[int, list[Array]]:
+        """Return what ``restore`` needs."""
+        return self._first, list(self._poses)
+
+    def restore(self, saved: tuple[int, Sequence[Array]]) -> None:
         """Know what was known when ``save`` was called."""
-        self._poses = list(saved)
+        self._first, self._poses = saved[0], list(saved[1])
 
     def __call__(self, knots_ns: ArrayLike) -> Array:
-        """Return the poses (n, 4, 4) at knots (n,) [ns]."""
-        numbers = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self._poses) - 1)
-        return np.array([self._poses[k] for k in numbers.tolist()])
+        """Return the poses (n, 4, 4) at knots (n,) [ns], none of which is forgotten."""
+        rows = np.clip(np.asarray(knots_ns) // KNOT_NS, 0, len(self) - 1) - self._first
+        if rows.size and rows.min() < 0:
+            raise AssertionError("a pose that was forgotten")
+        return np.array([self._poses[k] for k in rows.tolist()])
 
 
 class Traced(NamedTuple):

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fieldtruth.actors.behaviour import RobotState
 from fieldtruth.actors.cast import ActorStates, Cast
@@ -24,7 +25,7 @@ from fieldtruth.core.transforms import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import Other
 from fieldtruth.drive.plan import expected_path, plan_route
 from fieldtruth.drive.simulate import Drive, SimulatedRobot
-from fieldtruth.drive.track import STEP_NS, Motion, Track
+from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
@@ -103,12 +104,19 @@ class Company:
 
     def _begin(self, ways: Sequence[Array]) -> None:
         assert self.cast is not None
-        self.cast.begin(np.concatenate(ways), self._states(0))
+        self.cast.begin(ways, self._states(0))
 
     def step_actors(self, stamp_ns: int) -> None:
         """Find where the actors are at the knot after one [ns] at which all robots are known."""
         if self.cast is not None and self.cast.known_ns <= stamp_ns:
             self.cast.step(self._states(stamp_ns))
+
+    def forget(self, before_ns: int) -> None:
+        """Forget the motion of all that no stamp from this one [ns] on needs."""
+        for poses in self.poses.values():
+            poses.forget(before_ns)
+        if self.cast is not None:
+            self.cast.forget(before_ns)
 
     def end_actors(self, stamp_ns: int) -> None:
         """Let the actors stand from the knot [ns] on at which the last drive ends, as far as its bag knows them."""
@@ -122,7 +130,7 @@ class Company:
             ConfigurationError: an actor cannot begin where it should.
         """
         if self.cast is not None:
-            self.poses[ALONE].restart(pose_from_quaternion_wxyz(swept.position[0], swept.quaternion_wxyz[0]))
+            self.poses[ALONE].restart(_pose_at_0(swept))
             self.add(ALONE, swept)
             self._begin([swept.position[::_STRIDE, :2]])
             for stamp in range(KNOT_NS, end_ns, KNOT_NS):
@@ -203,6 +211,14 @@ class Company:
         drive.limit(made.seconds)
         self.poses[name].restart(pose_from_quaternion_wxyz(*drive.robot.pose))
         return drive
+
+
+def _pose_at_0(motion: Motion) -> Array:
+    """Pose (4, 4) at time 0, a step before the first row: its velocities are those since then."""
+    pose = pose_from_quaternion_wxyz(motion.position[0], motion.quaternion_wxyz[0])
+    pose[:3, 3] -= STEP_S * motion.linear_velocity[0]
+    pose[:3, :3] = Rotation.from_rotvec(-STEP_S * motion.angular_velocity[0]).as_matrix() @ pose[:3, :3]
+    return pose
 
 
 @contextmanager

@@ -164,6 +164,7 @@ class Fleet:
             except DriveError as error:
                 failed.append(error)
         company.step_actors(self._stamp_ns)
+        company.forget(int(min(self._stamp_ns, *(each.needed_ns for each in self.robots.values()))))
         if self.done:
             company.end_actors(self._stamp_ns)
         if failed:

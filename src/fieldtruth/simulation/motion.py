@@ -397,6 +397,11 @@ class LiveMotion(GrowingMotion):
                 self._company.end_actors(int(self.end_ns))
             self._add(*self._drive.drive_to(2**62, command), keep_ns)
 
+    def forget_others(self, before_ns: int) -> None:
+        """Forget the motion of actors that no stamp from this one [ns] on needs."""
+        if self._company is not None:
+            self._company.forget(before_ns)
+
     def _next_knot(self) -> float:
         """Step of the next knot at which actors are met; infinite without any."""
         return math.inf if self._company is None else (self.robot.steps // KNOT_STEPS + 1) * KNOT_STEPS

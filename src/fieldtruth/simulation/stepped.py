@@ -1,30 +1,24 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that is stepped: the robot drives, and its sensors read what is due; and all readings of a drive.
-
-For all readings (``frames``) the robot drives first, and threads sense ahead.
-"""
+"""A simulation that is stepped: the robot drives, and its sensors read what is due."""
 
 import math
-import threading
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, wraps
-from itertools import groupby
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import ref
 
 from fieldtruth.actors.cast import ActorStates
 from fieldtruth.bag.track_file import TrackFile
-from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError, DriveError
-from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import experiments_in, plan_route
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track, state_at
+from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig, route_from_metres
 from fieldtruth.experiment.environment_file import is_environment_file
 from fieldtruth.experiment.files import load_experiment, validated
@@ -32,7 +26,6 @@ from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
-from fieldtruth.record.streams import Series, sensor_factory, series_along
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
@@ -230,6 +223,8 @@ class Simulation:
         self._motion: GrowingMotion | None = None
         self._due: list[DueReadings] = []
         self._sensors: dict[str, Sensor] = {}
+        self._unread: list[tuple[int, ref[Movement]]] = []
+        """Time [ns] from which on readings need the motion of others, and the movement that they have until then."""
         self._failed = ""
         self.endless = False
         """True: from the next ``reset`` on, a drive does not end at the last waypoint, where the robot then stands."""
@@ -382,7 +377,7 @@ class Simulation:
             if (config.sees or stands is None)
             and self.wanted & {output.name for output in config.outputs_on(made.rig.robot)}
         ]
-        self._sensors, self._failed = {}, ""
+        self._sensors, self._unread, self._failed = {}, [], ""
         return frame_of(0, self._motion.world_from_base, ())
 
     def _route_from(self, start: tuple[float, float, float]) -> RouteConfig:
@@ -443,7 +438,9 @@ class Simulation:
             raise DriveError(
                 self._failed or f"the drive has ended at {motion.reached_ns / 1e9:g} s; reset() begins another"
             )
-        keep_ns = min((due.needed_ns(motion.reached_ns) for due in self._due), default=motion.reached_ns)
+        keep_ns = self._keep_ns(motion)
+        if isinstance(motion, LiveMotion):
+            motion.forget_others(int(min(keep_ns, self.needed_ns)))
         try:
             motion.advance(steps, target, keep_ns)
         except DriveError as error:
@@ -451,10 +448,23 @@ class Simulation:
             raise
         return self._complete(sensor_world, motion, wanted)
 
+    def _keep_ns(self, motion: GrowingMotion) -> int:
+        """Time [ns] from which on readings that are not complete need the motion."""
+        return min((due.needed_ns(motion.reached_ns) for due in self._due), default=motion.reached_ns)
+
+    @property
+    def needed_ns(self) -> float:
+        """Time [ns] from which on readings may still ask where others are: those to come, and those not yet read."""
+        self._unread = [(stamp, movement) for stamp, movement in self._unread if movement() is not None]
+        coming = [] if self.done else [self._keep_ns(self._ready()[1])]
+        return min([*coming, *(stamp for stamp, _ in self._unread)], default=math.inf)
+
     def _complete(self, sensor_world: SensorWorld, motion: GrowingMotion, wanted: set[str]) -> list[DueReading]:
         """Return the readings that became complete and are wanted, in time order."""
         track = motion.known()
         movement, found, seen = movement_of(track), list[DueReading](), list[DueReading]()
+        if self.company is not None:
+            self._unread.append((self._keep_ns(motion), ref(movement)))
         for due in self._due:
             if due.config.sees:
                 for output, at in due.seen(movement, motion.reached_ns, motion.end_ns):
@@ -520,89 +530,3 @@ class Simulation:
             if not (math.isfinite(value) and abs(value) <= limit):
                 raise ConfigurationError(f"command: {what} must be from -{limit:g} to {limit:g} {unit}, got {value!r}")
         return round(seconds / STEP_S), target
-
-
-def frames(
-    experiment: Experiment | str | Path,
-    *,
-    sensors: Iterable[str] | None = None,
-    world: World | None = None,
-    scene: Scene | None = None,
-    workers: int | None = None,
-) -> Iterator[Frame]:
-    """Yield the readings of a drive in time order: a frame for each stamp at which a sensor reads.
-
-    The route, or the track file, is driven when the first frame is asked for; then threads sense ahead, a few frames
-    each, while the caller works. The values are those of the bag that ``generate`` makes.
-
-    Args:
-        experiment: or its name, or the path of its file.
-        sensors: names of the sensors or outputs that read, such as ``lidar`` or ``stereo/left``; None for all.
-        world: replaces the experiment's.
-        scene: ``world`` in the ray tracer, if it was built already.
-        workers: threads; None for one per core that the process may use.
-
-    Raises:
-        UnknownNameError: an unknown name.
-        RouteError, DriveError, TrackError: when the first frame is asked for: the route cannot be driven.
-    """
-    simulation = Simulation(experiment, world=world, scene=scene, sensors=sensors)
-
-    def drive() -> Iterator[Frame]:
-        sensing = _Sensing(simulation.drive(), simulation.wanted)
-        yield from in_order(sensing.due(), sensing.frame, cpu_count() if workers is None else workers)
-
-    return drive()
-
-
-class _Sensing:
-    """The readings of a drive that are wanted, and what makes a frame of those with the same stamp."""
-
-    def __init__(self, driven: Driven, wanted: set[str]) -> None:
-        self._driven, rig = driven, driven.experiment.rig
-        self._series = [
-            series
-            for config in rig.in_order()
-            for series in series_along(config, rig, driven.track, driven.experiment.noise_seed)
-            if series.output.name in wanted
-        ]
-        names = {series.config.name for series in self._series}
-        kept = tuple(config for config in rig.sensors if config.name in names)
-        self._new_sensors = sensor_factory(driven.sensor_world, rig.model_copy(update={"sensors": kept}))
-        self._thread = threading.local()
-
-    def due(self) -> Iterator[tuple[int, list[tuple[Series, int]]]]:
-        """Yield each stamp with the readings that have it: series and row in it."""
-        found = [
-            (int(series.stamps_ns[number]), order, k)
-            for order, series in enumerate(self._series)
-            for k, number in enumerate(series.clock.kept.tolist())
-        ]
-        for stamp_ns, group in groupby(sorted(found), key=lambda each: each[0]):
-            yield stamp_ns, [(self._series[order], k) for _, order, k in group]
-
-    def frame(self, group: tuple[int, list[tuple[Series, int]]]) -> Frame:
-        """Sense a group of ``due`` in the calling thread."""
-        stamp_ns, due = group
-        if not hasattr(self._thread, "sensors"):
-            self._thread.sensors = self._new_sensors()
-        pose = state_at(self._driven.track.motion, stamp_ns).world_from_base
-        sensors, movement = self._thread.sensors, self._driven.movement
-        readings = (sensors[series.config.name].read(series.output, series.at(k, movement)) for series, k in due)
-        return frame_of(stamp_ns, pose, zip((series.output.name for series, _ in due), readings, strict=True))
-
-
-def _moved(name: str) -> Callable[..., Any]:
-    """Return a function of ``transforms`` that warns of its old name."""
-    function: Callable[..., Any] = getattr(transforms, name)
-
-    @wraps(function)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        warnings.warn(f"ft.frames.{name} is ft.transforms.{name} now", DeprecationWarning, stacklevel=2)
-        return function(*args, **kwargs)
-
-    return call
-
-
-for _name in (name for name, value in vars(transforms).items() if callable(value)):
-    setattr(frames, _name, _moved(_name))

@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Make contact sheets of runs: ten photographs of the first camera, evenly spaced in time.
+
+Run: fieldtruth generate park_people --seconds 12 --out RUNS; python docs/actor_sheets.py FOLDER RUNS/park_people ...
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import fieldtruth as ft
+from fieldtruth.exporters.frames import first_views
+
+VIEWS, COLUMNS = 10, 5
+WIDTH, HEIGHT = 384, 216  # [pixel] of a photograph in the sheet
+
+
+def sheet(run: ft.Run) -> NDArray[np.uint8]:
+    """Ten photographs in two rows."""
+    images = run.readings(first_views(run)[0].name, ["photo"])
+    rows = np.linspace(0, len(images) - 1, VIEWS).astype(int).tolist()
+    views = [
+        np.asarray(Image.fromarray(images[row].photo).resize((WIDTH, HEIGHT), Image.Resampling.BOX)) for row in rows
+    ]
+    return np.vstack([np.hstack(views[k : k + COLUMNS]) for k in range(0, VIEWS, COLUMNS)])
+
+
+def main() -> None:
+    """Write sheet_NAME.jpg of each run into the folder."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("runs", nargs="+", type=Path)
+    options = parser.parse_args()
+    for path in options.runs:
+        run = ft.open_run(path)
+        Image.fromarray(sheet(run)).save(options.folder / f"sheet_{run.name}.jpg", quality=72)
+
+
+if __name__ == "__main__":
+    main()
