@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Odometry programs on our clouds, against the true poses of the LiDAR: the tables of docs/slam.md.
 
-Run: python benchmarks/slam.py [--signal ideal|datasheet] [--envs NAME ...] [--seconds S] [--out DIR]
+Run: python benchmarks/slam.py [--signal ideal|datasheet] [--envs NAME ...] [--seconds S] [--wind M_S] [--out DIR]
 
 It needs: pip install kiss-icp rko_lio small_gicp evo. For each environment it records a spinning OS1-64 and an IMU of
 200 Hz without cameras, exports the configuration files, runs each program that is installed with and without
@@ -35,6 +35,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.slam_configs import read_facts
 from fieldtruth.pipeline import generate
@@ -49,11 +50,12 @@ Work = Callable[[Path, Path, bool], Path]
 """Runs a program on a run's folder, in a folder of its own, with or without deskewing; the estimate as TUM."""
 
 
-def recorded(environment: str, length_s: float, signal: str, out: Path) -> Path:
+def recorded(environment: str, length_s: float, signal: str, wind: float, out: Path) -> Path:
     """Folder of the run, which is made unless it is there."""
-    folder = out / signal / f"{environment}_1"
+    folder = out / (f"{signal}_wind_{wind:g}" if wind else signal) / f"{environment}_1"
     if not (folder / f"{environment}_1.bag").exists():
         experiment = load_experiment(f"{environment}_1").model_copy(update={"rig": RIG})
+        experiment = experiment.model_copy(update={"wind": WindConfig(speed_m_s=wind)} if wind else {})
         generate(with_overrides(experiment, seconds=length_s, signal={"lidar": signal, "imu": signal}), folder.parent)
     if not (configs := folder / "configs").exists():
         export(folder, "slam-configs", out=configs)
@@ -180,15 +182,16 @@ def main() -> None:
     parser.add_argument("--programs", nargs="+", default=list(PROGRAMS), choices=list(PROGRAMS))
     parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of LiDAR and IMU")
     parser.add_argument("--seconds", type=float, default=40.0, help="simulated time of each run")
+    parser.add_argument("--wind", type=float, default=0.0, help="mean speed [m/s], in which plants sway")
     parser.add_argument("--out", type=Path, default=Path("slam"))
     options = parser.parse_args()
     first = True
     for environment in options.envs:
-        run = recorded(environment, options.seconds, options.signal, options.out)
+        run = recorded(environment, options.seconds, options.signal, options.wind, options.out)
         for program in options.programs:
             work, later = PROGRAMS[program]
             for deskew in (True, False):
-                folder = options.out / "estimates" / options.signal / environment / program
+                folder = options.out / "estimates" / run.parent.name / environment / program
                 folder = folder / ("deskewed" if deskew else "raw")
                 try:
                     estimate = estimated(work, run, folder, deskew)

@@ -78,7 +78,8 @@ def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> 
 def default_of(key: tuple[str, ...]) -> object:
     """Value in an experiment with only the required keys."""
     route, track = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}", "drive: {track: a.csv}"
-    motion = {"drive": track, "frames": "frames: {count: 1}"}.get(key[0], route)
+    windy = f"{route}, wind: {{speed_m_s: 5}}"
+    motion = {"drive": track, "frames": "frames: {count: 1}", "wind": windy}.get(key[0], route)
     text = f"{{name: a, environment: park, {motion}}}"
     value: object = parse_experiment(text).model_dump(mode="json")
     for step in key:

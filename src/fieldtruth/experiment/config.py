@@ -24,6 +24,7 @@ from fieldtruth.experiment.environment_file import CENTRE, Chosen, is_environmen
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, LocatedError, Mount, Name, Number, Positive
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.wind_config import WindConfig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
@@ -221,6 +222,8 @@ class Experiment(Frozen):
         Mapping[str, ActorConfig], Field(description=f"a mapping of names to actors, {MOST_ACTORS} at most")
     ] = {}
     """People, animals and vehicles that move; see docs/actors.md."""
+    wind: WindConfig | None = None
+    """In which plants lean and sway; None: still. See docs/wind.md."""
 
     @model_validator(mode="before")
     @classmethod

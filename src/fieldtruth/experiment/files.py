@@ -89,6 +89,8 @@ def dump_experiment(experiment: Experiment) -> str:
         del values["robots"], values["namespace"]
     if not experiment.actors:
         del values["actors"]
+    if experiment.wind is None:
+        del values["wind"]
     for name, own in experiment.robots.items():
         if own.rig is not None:
             values["robots"][name]["rig"][MODELS] = own.rig.models()

@@ -21,8 +21,10 @@ from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, tra
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.local_maps import world_of_run
 from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.leaning import WHOLE, Leaning, square
 from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.moving import MovingBody
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.model import Mesh, World
 
@@ -45,16 +47,28 @@ class Silhouette(NamedTuple):
     """x, y of the upper left pixel, width, height: of these pixels."""
 
 
-def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody]]:
-    """Return the world of a run, and the bodies that move in it; raises as ``world_of_run``."""
-    world = world_of_run(run)
-    return (world, []) if run.experiment is None else with_bodies(world, run, run.experiment)
+def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody], Leaning | None]:
+    """Return the world of a run, bodies that move in it and plants that lean; raises as ``world_of_run``."""
+    world, made = world_of_run(run), run.experiment
+    return (
+        (world, [], None) if made is None else (*with_bodies(world, run, made), leaning_of(made.wind, world, made.seed))
+    )
 
 
 class WholeObjects:
-    """The objects of a world, and bodies that move, in the images of a camera. Threads may share it."""
+    """The objects of a world, and what moves in it, in the images of a camera. Threads may share it."""
 
-    def __init__(self, world: World, config: ImagingConfig, bodies: Sequence[MovingBody] = ()) -> None:
+    def __init__(
+        self,
+        world: World,
+        config: ImagingConfig,
+        bodies: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
+    ) -> None:
+        self._leaning, self._row = leaning, dict[int, int]()
+        if leaning is not None:
+            rows = leaning.rows[leaning.plants.bunch[leaning.rows] == WHOLE]
+            self._row = dict(zip(leaning.plants.object_id[rows].tolist(), rows.tolist(), strict=True))
         self.world, self.objects, self._bodies = world, named_objects(world), bodies
         self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
@@ -64,8 +78,10 @@ class WholeObjects:
     def parts(self, object_id: int, stamp_ns: int = 0) -> list[Part]:
         """Return the meshes of an object, each with its world_from_mesh (4, 4) at a stamp [ns]."""
         if object_id in self.objects:
-            instance = self.objects[object_id]
-            return [(self.world.meshes[instance.mesh], instance.world_from_object)]
+            instance, pose = self.objects[object_id], self.objects[object_id].world_from_object
+            if self._leaning is not None and object_id in self._row:
+                pose = square(self._leaning.at(np.array([self._row[object_id]]), np.array([stamp_ns])))[0, 0]
+            return [(self.world.meshes[instance.mesh], pose)]
         return [(each.mesh, each.at([stamp_ns])[0]) for each in self._bodies if each.object_id == object_id]
 
     def silhouette(

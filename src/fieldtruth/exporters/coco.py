@@ -276,9 +276,10 @@ class CocoBoxes:
     """
 
     def __init__(self, run: Run, labels: LabelMap, names: Sequence[str]) -> None:
-        (self._world, bodies), self._bits, self._movers = moving_world_of_run(run), object_bits(names), run.movers
+        (self._world, bodies, leaning), self._bits = moving_world_of_run(run), object_bits(names)
+        self._movers = run.movers
         views = run.of(Image, "photo", "instance")
-        self._whole = {view.label: WholeObjects(self._world, view.config, bodies) for view in views}
+        self._whole = {view.label: WholeObjects(self._world, view.config, bodies, leaning) for view in views}
         self._ids = labels.ids
         self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
 

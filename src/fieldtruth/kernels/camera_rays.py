@@ -20,6 +20,7 @@ from fieldtruth.kernels.packets import (
     Packet,
     SceneRays,
     classify,
+    hit_mover,
     hit_top,
     set_ray,
     set_time,
@@ -68,6 +69,7 @@ class RayBatch(NamedTuple):
     direction: Float32Array  # (3, n) unit, world frame; 0 where the lens has no ray
     cosine: Array  # (n,) of the angle to the optical axis; for lenses whose depth is the range, 1
     top: IntArray  # (n,) row of the top-level geometry, see HitTable
+    mover: IntArray  # (n,) number of the body or plant, see SceneRays; -1 for what stands still
     primitive: IntArray  # (n,) triangle of its mesh
     barycentric: Float32Array  # (2, n) weights of the triangle's second and third vertex
     foreshortening: Float32Array  # (n,) see seen_over_map
@@ -84,6 +86,7 @@ def new_batch(count: int, *, normals: bool = False) -> RayBatch:
         direction=np.zeros((3, n), np.float32),
         cosine=np.zeros(n),
         top=np.zeros(n, np.int32),
+        mover=np.full(n, -1, np.int32),
         primitive=np.zeros(n, np.int32),
         barycentric=np.zeros((2, n), np.float32),
         foreshortening=np.zeros(n, np.float32),
@@ -205,7 +208,7 @@ def trace(scene: SceneRays, tops: IntArray, packet: Packet, view: View, batch: R
     vectorized; what all rays share is set once.
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
-    image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point, normal = batch
+    image, direction, cosine, top, mover, primitive, barycentric, foreshortening, distance, point, normal = batch
     pose, lens, far, table, time = view
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
     has_table = len(table) > 0
@@ -237,7 +240,7 @@ def trace(scene: SceneRays, tops: IntArray, packet: Packet, view: View, batch: R
             point[2, k] = z0 + t * direction[2, k]
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
             foreshortening[k], primitive[k] = seen_over_map(ray, lane), np.int32(words[_PRIM + lane])
-            top[k] = hit_top(tops, words, lane)
+            top[k], mover[k] = hit_top(tops, words, lane), hit_mover(scene, words, lane)
         if normal.shape[1] > 0:
             for lane in range(_LANES):
                 normal[0, first + lane] = ray[_NX + lane]

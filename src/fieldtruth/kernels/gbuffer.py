@@ -37,7 +37,7 @@ from fieldtruth.kernels.light import (
     read_lowest,
     read_probes,
 )
-from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, IntArray, body_normal, read_grid
+from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, IntArray, mover_normal, read_grid
 from fieldtruth.kernels.robot import in_reach, sun_past_robot
 from fieldtruth.kernels.textures import (
     FURROWS,
@@ -548,15 +548,14 @@ def _shade_surfaces(
     glosses, throughs, mirrors, age = materials.gloss, materials.through, materials.mirror, materials.age
     rotations, own_tints, bases, steeps = surfaces.top_rotation, surfaces.top_tint, surfaces.top_base, materials.steep
     top_leaf, zero, one, lands = shading.light.top_leaf, np.float32(0.0), np.float32(1.0), materials.land
-    axes = shading.scene.axes
-    bodies = rotations.shape[0] - axes.shape[1]
+    movers = batch.mover
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         top = np.uintp(tops[k])
         through, ray = throughs[row, 1], (directions[0, k], directions[1, k], directions[2, k])
         own = out[k, NX], out[k, NY], out[k, NZ]
-        if tops[k] >= bodies:  # in the middle of the interval, for all rays
-            own = body_normal(axes, tops[k] - bodies, 0.5, own)
+        if movers[k] >= 0:  # in the middle of the interval, for all rays
+            own = mover_normal(shading.scene, movers[k], 0.5, own)
         normal, facing = _turned(rotations, top, own, ray, through > zero)
         out[k, NX], out[k, NY], out[k, NZ] = normal
         out[k, GLOSS], out[k, MIRROR] = glosses[row], mirrors[row]

@@ -150,19 +150,22 @@ def set_shadow_ray(packet: Packet, lane: int, origin: Vector, direction: Vector,
     packet.words[MASK + lane] = SHADOWS
 
 
-class SceneRays(NamedTuple):
-    """What rays meet: the scene that stands still, and bodies that move in the interval of a reading.
+NO_BODIES: Final = np.zeros((1, 0, 3, 3), np.float32)
+"""Axes without bodies."""
 
-    The time of a ray is its share of the interval. Instances of bodies have the first numbers of all geometries.
+
+class SceneRays(NamedTuple):
+    """What rays meet: the scene that stands still, bodies that move in the interval of a reading, and plants that lean.
+
+    The time of a ray is its share of the interval. Instances of bodies have the first numbers of all geometries, those
+    of plants the next ones: they are elements of one geometry, whose number is that of the first.
     """
 
     still: np.uint64  # handle of the Embree scene
     moving: np.uint64  # of that of the bodies; 0: none
     axes: Float32Array  # (knots, bodies, 3, 3) rotation times scale of world_from_body, evenly over the interval
-
-
-NO_BODIES: Final = np.zeros((1, 0, 3, 3), np.float32)
-"""Axes without bodies."""
+    plants: np.uint64 = np.uint64(0)  # handle of the Embree scene of plants; 0: none
+    plant_axes: Float32Array = NO_BODIES  # (knots, geometries, 3, 3) by which each has turned in its own frame
 
 
 @inlined
@@ -198,24 +201,45 @@ def body_normal(axes: Float32Array, body: int, time: float, normal: Vector) -> V
 
 
 @inlined
+def mover_normal(scene: SceneRays, number: int, time: float, normal: Vector) -> Vector:
+    """Turn a normal of body or plant ``number`` at a time to the frame of its top-level geometry."""
+    bodies = scene.axes.shape[1]
+    if number < bodies:
+        return body_normal(scene.axes, number, time, normal)
+    return body_normal(scene.plant_axes, number - bodies, time, normal)
+
+
+@inlined
 def trace_packet(scene: SceneRays, packet: Packet) -> None:
-    """Find the first hits of a packet. Normals of bodies are in the world, others in the frame of their object."""
+    """Find the first hits of a packet. Normals of bodies are in the world, others in the frame of their object.
+
+    The frame of a plant's object is that without any lean.
+    """
     ray, words, valid, arguments = packet
     _intersect(valid.ctypes, scene.still, ray.ctypes, arguments.ctypes)
-    if scene.moving == np.uint64(0):
+    if scene.moving == np.uint64(0) and scene.plants == np.uint64(0):
         return
-    _intersect(valid.ctypes, scene.moving, ray.ctypes, arguments.ctypes)
+    if scene.plants != np.uint64(0):
+        _intersect(valid.ctypes, scene.plants, ray.ctypes, arguments.ctypes)
+    if scene.moving != np.uint64(0):
+        _intersect(valid.ctypes, scene.moving, ray.ctypes, arguments.ctypes)
+    movers = scene.axes.shape[1] + scene.plant_axes.shape[1]
     for lane in range(LANES):
-        if valid[lane] != 0 and words[GEOM_ID + lane] != MISS and words[INST_ID + lane] < scene.axes.shape[1]:
-            normal = ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane]
-            body, time = int(words[INST_ID + lane]), float(ray[TIME + lane])
-            ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane] = body_normal(scene.axes, body, time, normal)
+        if valid[lane] == 0 or words[GEOM_ID + lane] == MISS or words[INST_ID + lane] >= movers:
+            continue
+        number = int(words[INST_ID + lane]) + int(words[INST_PRIM_ID + lane])
+        words[INST_ID + lane], words[INST_PRIM_ID + lane] = number, 0
+        normal = ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane]
+        turned = mover_normal(scene, number, float(ray[TIME + lane]), normal)
+        ray[NG_X + lane], ray[NG_Y + lane], ray[NG_Z + lane] = turned
 
 
 @inlined
 def block_packet(scene: SceneRays, packet: Packet) -> None:
     """Find which rays of a packet anything blocks: their TFAR becomes -inf."""
     _occluded(packet.valid.ctypes, scene.still, packet.ray.ctypes, packet.arguments.ctypes)
+    if scene.plants != np.uint64(0):
+        _occluded(packet.valid.ctypes, scene.plants, packet.ray.ctypes, packet.arguments.ctypes)
     if scene.moving != np.uint64(0):
         _occluded(packet.valid.ctypes, scene.moving, packet.ray.ctypes, packet.arguments.ctypes)
 
@@ -238,7 +262,7 @@ class HitTable(NamedTuple):
     """Class and instance id of every triangle.
 
     A top-level geometry is the terrain (row 0), the backdrop if there is one, one instance of a mesh, or a body that
-    moves: those are the last rows, with axes that are the world's.
+    moves: those are the last rows, with axes that are the world's. Bunches of a clump that lean share its row.
     """
 
     geometry_top: NDArray[np.int32]  # (geometries of the Embree scene,) row of the top-level geometry it belongs to
@@ -293,6 +317,15 @@ def hit_top(tops: NDArray[np.int32], words: NDArray[np.uint32], lane: int) -> in
     if geometry == MISS:
         return -1
     return np.int64(tops[geometry if instance == MISS else instance])  # type: ignore[return-value]
+
+
+@inlined
+def hit_mover(scene: SceneRays, words: NDArray[np.uint32], lane: int) -> int:
+    """Number of the body or plant that a lane hit, -1 for none."""
+    instance = words[INST_ID + lane]
+    if words[GEOM_ID + lane] == MISS or instance >= scene.axes.shape[1] + scene.plant_axes.shape[1]:
+        return -1
+    return np.int64(instance)  # type: ignore[return-value]
 
 
 @inlined

@@ -28,7 +28,7 @@ from fieldtruth.kernels.camera_rays import (
 )
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.light import EXPOSURE, READ, Shading, WireTable, air_along, falling_on, read_probes
-from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_top, set_ray, set_time, trace_packet
+from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_mover, hit_top, set_ray, set_time, trace_packet
 from fieldtruth.kernels.robot import place_robot
 from fieldtruth.kernels.shading import ShadingBuffers, new_shading_buffers, shade_batch
 
@@ -103,7 +103,7 @@ def _look_behind(shading: Shading, buffers: ShadingBuffers, view: View, count: i
                     batch.point[axis, row] = np.float32(origin[axis]) + t * batch.direction[axis, row]
                 batch.barycentric[0, row], batch.barycentric[1, row] = ray[_U + lane], ray[_V + lane]
                 batch.primitive[row] = np.int32(words[_PRIM + lane])
-                tops[row] = hit_top(geometry_top, words, lane)
+                tops[row], batch.mover[row] = hit_top(geometry_top, words, lane), hit_mover(shading.scene, words, lane)
             filled = 0
 
 

@@ -54,6 +54,7 @@ from fieldtruth.kernels.packets import (
     IntArray,
     Packet,
     SceneRays,
+    hit_mover,
     hit_top,
     new_packet,
     read_grid,
@@ -197,7 +198,7 @@ def trace_secondary(scene: SceneRays, tops: IntArray, packet: Packet, second: Se
                 batch.point[axis, k] += t * batch.direction[axis, k]
             batch.barycentric[0, k], batch.barycentric[1, k] = ray[_U + lane], ray[_V + lane]
             batch.primitive[k] = np.int32(words[_PRIM + lane])
-            batch.top[k] = hit_top(tops, words, lane)
+            batch.top[k], batch.mover[k] = hit_top(tops, words, lane), hit_mover(scene, words, lane)
 
 
 @kernel
@@ -401,6 +402,8 @@ def _share_sun(
             for lane in range(filled, _LANES):
                 shadow.valid[lane] = 0
             _occluded(shadow.valid.ctypes, shading.scene.still, ray.ctypes, shadow.arguments.ctypes)
+            if shading.scene.plants != np.uint64(0):
+                _occluded(shadow.valid.ctypes, shading.scene.plants, ray.ctypes, shadow.arguments.ctypes)
             for lane in range(filled):
                 if ray[_FAR + lane] >= zero:
                     gbuffer[rows[lane], SUN] = one

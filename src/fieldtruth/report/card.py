@@ -57,7 +57,8 @@ def conditions_of(experiments: Sequence[Experiment]) -> str:
     """Return a sentence about the environments, seasons, light and weather that experiments have."""
     environments = _list(e.world_name for e in experiments)
     seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
-    light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
+    light = _list(_light(e.light) for e in experiments)
+    weather = _list(", ".join([e.weather.text, *([e.wind.text] if e.wind else [])]) for e in experiments)
     return (
         f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, "
         f"with light of {light} and {weather}; all others are missing.{_maps(experiments)}"

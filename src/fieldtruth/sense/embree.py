@@ -11,6 +11,7 @@ and the loops of NumPy round otherwise.
 """
 
 import ctypes as c
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Final, Self
 
@@ -24,9 +25,9 @@ from fieldtruth.kernels.compile import compiler_target
 from fieldtruth.kernels.packets import LANES, MISS, NO_BODIES, SOLID, SceneRays
 
 VERSION: Final = 40400
-_TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121
-_INDEX, _VERTEX, _GRID = 0, 1, 8
-_FLOAT3, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0xA001, 0x9234
+_TRIANGLES, _GRIDS, _INSTANCE, _INSTANCE_ARRAY = 0, 2, 121, 122
+_INDEX, _VERTEX, _GRID, _TRANSFORM = 0, 1, 8, 23
+_FLOAT3, _UINT, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5001, 0x5003, 0xA001, 0x9234
 _RTC_GRID: Final = np.dtype([("start", "u4"), ("stride", "u4"), ("width", "u2"), ("height", "u2")])
 _GRID_NODES: Final = 17  # on a side of a grid; 9 and 33 were measured to be no faster
 _NATIVE_PACKETS = ((34, 16), (33, 8), (32, 4))  # number of the property, rays
@@ -43,6 +44,7 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcReleaseGeometry": (None, (c.c_void_p,)),
     "rtcSetNewGeometryBuffer": (c.c_void_p, (c.c_void_p, c.c_int, c.c_uint, c.c_int, c.c_size_t, c.c_size_t)),
     "rtcSetGeometryInstancedScene": (None, (c.c_void_p, c.c_void_p)),
+    "rtcSetGeometryInstancedScenes": (None, (c.c_void_p, c.c_void_p, c.c_size_t)),
     "rtcSetGeometryTimeStepCount": (None, (c.c_void_p, c.c_uint)),
     "rtcSetGeometryTransform": (None, (c.c_void_p, c.c_uint, c.c_int, c.c_void_p)),
     "rtcSetGeometryMask": (None, (c.c_void_p, c.c_uint)),
@@ -196,15 +198,34 @@ class RayScene:
         self._kept.append(scene)
         return self._attach(geometry, number)
 
+    def add_instances(
+        self, scenes: Sequence[Self], which: NDArray[np.uint32], columns: NDArray[np.float32], *, number: int
+    ) -> None:
+        """Attach committed scenes as one geometry of n elements, which builds ten times as fast as n instances.
+
+        Element k is ``scenes[which[k]]`` at poses (steps, n, 12), column by column, in time as for ``add_instance``.
+        """
+        geometry = self._api.rtcNewGeometry(self.engine.device, _INSTANCE_ARRAY)
+        pointers = (c.c_void_p * len(scenes))(*(scene._pointer for scene in scenes))
+        self._api.rtcSetGeometryInstancedScenes(geometry, pointers, len(scenes))
+        self._api.rtcSetGeometryTimeStepCount(geometry, len(columns))
+        self._set_buffer(geometry, _INDEX, _UINT, which, 4)
+        for step, poses in enumerate(columns):
+            self._set_buffer(geometry, _TRANSFORM, _FLOAT3X4_COLUMN_MAJOR, poses, 48, step)
+        self._kept += scenes
+        self._attach(geometry, number)
+
     def commit(self) -> Self:
         """Build the hierarchy; afterwards the scene can be traced or instanced."""
         self._api.rtcCommitScene(self._pointer)
         self.engine.check()
         return self
 
-    def _set_buffer(self, geometry: int, kind: int, layout: int, data: NDArray[Any]) -> None:
-        """Copy elements of 12 bytes into a buffer of Embree's own, which is long enough to read 16 at the last one."""
-        buffer = self._api.rtcSetNewGeometryBuffer(geometry, kind, 0, layout, 12, len(data))
+    def _set_buffer(
+        self, geometry: int, kind: int, layout: int, data: NDArray[Any], size: int = 12, slot: int = 0
+    ) -> None:
+        """Copy elements of a size [byte] into a buffer of Embree's own, long enough to read 16 at the last one."""
+        buffer = self._api.rtcSetNewGeometryBuffer(geometry, kind, slot, layout, size, len(data))
         self.engine.check()
         c.memmove(buffer, data.ctypes.data, data.nbytes)
 

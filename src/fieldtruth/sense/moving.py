@@ -23,6 +23,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.kernels.packets import SceneRays
 from fieldtruth.sense.embree import RayScene
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, TracedPlants
 from fieldtruth.world.model import Mesh, World
 
 KNOT_NS: Final = 10_000_000
@@ -116,12 +117,12 @@ class Traced(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """Bodies in the interval of a reading, from ``begin_ns`` on. ``kept`` is the scene that ``rays`` names."""
+    """Bodies and plants in the interval of a reading, from ``begin_ns`` on. ``kept`` are scenes that ``rays`` names."""
 
     rays: SceneRays
     begin_ns: int
     span_ns: int
-    kept: RayScene | None = None
+    kept: tuple[RayScene, ...] = ()
 
     def share(self, stamps_ns: ArrayLike) -> Array:
         """Times of rays that leave at stamps [ns] of any shape."""
@@ -130,22 +131,28 @@ class Interval(NamedTuple):
 
 
 def interval_of(
-    still: RayScene, bodies: Sequence[Traced], span: tuple[int, int], near: tuple[Array, float]
+    still: RayScene,
+    bodies: Sequence[Traced],
+    plants: TracedPlants | None,
+    span: tuple[int, int],
+    near: tuple[Array, float],
 ) -> Interval:
-    """Return the bodies, beside what stands still, from one stamp [ns] to another.
+    """Return the bodies and plants, beside what stands still, from one stamp [ns] to another.
 
-    Those are left out that are farther than a reach [m] from a sensor's position (3,).
+    Bodies are left out that are farther than a reach [m] from a sensor's position (3,). With plants, whose knots are
+    rarer, the interval begins and ends at one of these.
 
     Raises:
         ConfigurationError: the interval has more than MOST_KNOTS.
     """
     begin, end = span
-    stamps = np.array([begin])
+    stamps, step = np.array([begin]), KNOT_NS if plants is None else LEAN_KNOT_NS
     if end > begin:
-        stamps = np.arange(begin // KNOT_NS, -(-end // KNOT_NS) + 1) * KNOT_NS
-    if len(stamps) > MOST_KNOTS:
-        most = (MOST_KNOTS - 2) * KNOT_NS / 1e9
-        raise ConfigurationError(f"among bodies that move, a reading must take at most {most} s, got {end - begin} ns")
+        stamps = np.arange(begin // step * step, -(-end // step) * step + 1, KNOT_NS)
+    apart = KNOT_NS if bodies else step
+    if int(stamps[-1] - stamps[0]) // apart >= MOST_KNOTS:
+        most = ((MOST_KNOTS - 1) * apart - step) / 1e9
+        raise ConfigurationError(f"among what moves, a reading must take at most {most} s, got {end - begin} ns")
     moving, (centre, reach) = RayScene(still.engine), near
     axes = np.zeros((len(stamps), len(bodies), 3, 3), np.float32)
     for number, (body, rays, radius) in enumerate(bodies):
@@ -153,11 +160,15 @@ def interval_of(
         if np.linalg.norm(poses[:, :3, 3] - centre, axis=1).min() < reach + radius:
             axes[:, number] = poses[:, :3, :3]
             moving.add_instance(rays, poses, number=number)
-    if not axes.any():
-        return Interval(still.alone, begin, 0)
-    moving.commit()
-    found = SceneRays(still.handle, moving.handle, axes)
-    return Interval(found, int(stamps[0]), int(stamps[-1] - stamps[0]), moving)
+    found, kept = still.alone, list[RayScene]()
+    if axes.any():
+        found, kept = found._replace(moving=moving.commit().handle, axes=axes), [moving]
+    if plants is not None:
+        leant = plants.at(stamps[:: step // KNOT_NS])
+        found, kept = found._replace(axes=axes, plants=leant.rays.handle, plant_axes=leant.axes), [*kept, leant.rays]
+    if not kept:
+        return Interval(found, begin, 0)
+    return Interval(found, int(stamps[0]), int(stamps[-1] - stamps[0]), tuple(kept))
 
 
 def check_bodies(bodies: Sequence[MovingBody], world: World, meshes: Iterable[Mesh]) -> None:

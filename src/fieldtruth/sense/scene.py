@@ -9,7 +9,7 @@ of them are traced side by side by threads.
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, Final, Literal, NamedTuple
@@ -17,13 +17,14 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.leaning import WHOLE, Leaning, TracedPlants, bunches_of
 from fieldtruth.sense.moving import Interval, MovingBody, Traced, check_bodies, interval_of
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
@@ -32,6 +33,7 @@ BLOCK: Final = 1 << 16
 _GAIN: Final = 0.85
 """Share of the area of the whole mesh's box below which the boxes of two parts are worth a second instance."""
 _NO_TINT: Final = (1.0, 1.0, 1.0)
+_NO_PLANTS: Final[TracedPlants | None] = None
 
 
 class TopLevel(NamedTuple):
@@ -66,39 +68,84 @@ class Scene:
     ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``top_levels``
     that a geometry belongs to, and class and instance id of a hit.
 
-    Bodies that move have rows in all tables, after those of what stands still, but no geometry in ``rays``: sensors ask
-    ``interval`` for where they are. ``still`` is the scene without these rows, ``cast`` and ``occluded`` see it alone.
+    Bodies that move have rows in all tables, after those of what stands still, but no geometry in ``rays``; plants that
+    lean have their rows, but no geometry in ``rays`` either. Sensors ask ``interval`` for where both are. ``still`` is
+    the scene without these rows, in which no plant leans; ``cast`` and ``occluded`` see it alone.
 
     Raises:
         ConfigurationError: the world is of another type, or a body has a mesh that it cannot have.
     """
 
-    def __init__(self, world: World, bodies: Sequence[MovingBody] = ()) -> None:
+    def __init__(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> None:
         given_world(world, None)
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
         self.top_levels = list(_top_levels(world))
-        self.rays = RayScene(self.engine, len(bodies))
-        parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
-        masks = {mesh.name: _mask(world, mesh) for mesh in self.meshes}
-        geometry_top = [len(self.top_levels) + row for row in range(len(bodies))]
-        for row, (mesh, pose, *_) in enumerate(self.top_levels):
-            if mesh is None:
-                if world.terrain.visible:
-                    self.rays.add_grid(terrain_nodes(world.terrain.surface))
-                    geometry_top.append(row)
-                continue
-            for part in parts[mesh.name]:
-                self.rays.add_instance(part, pose, mask=masks[mesh.name])
-                geometry_top.append(row)
-        self.rays.commit()
+        self._parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
+        self.rays, geometry_top = self._standing(len(bodies))
         self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
-        self.still, self.moving = self, list[Traced]()
-        if bodies:
+        self.still, self.moving, self.plants = self, list[Traced](), _NO_PLANTS
+        leaning = leaning if leaning is not None and len(leaning.rows) else None
+        if bodies or leaning:
             self.still = copy(self)
             self.still.still = self.still
+        if leaning:
+            geometry_top = self._lean(leaning, len(bodies))
+        if bodies or leaning:
             self._add(bodies, geometry_top)
+
+    @property
+    def moves(self) -> bool:
+        """Return whether anything moves, so that readings depend on their stamps."""
+        return bool(self.moving) or self.plants is not None
+
+    def _standing(
+        self, first: int, leaning: Mapping[int, Sequence[RayScene]] | None = None
+    ) -> tuple[RayScene, list[int]]:
+        """Build the Embree scene of what stands still, and return the top-level geometry of each number.
+
+        The first numbers are those of bodies, and then of plants. ``leaning`` has what remains of top-level geometries
+        of which a part leans.
+        """
+        rays, remaining = RayScene(self.engine, first), leaning or {}
+        masks = {mesh.name: _mask(self.world, mesh) for mesh in self.meshes}
+        geometry_top = [len(self.top_levels) + row for row in range(first)]
+        for row, (mesh, pose, *_) in enumerate(self.top_levels):
+            if mesh is None:
+                if self.world.terrain.visible:
+                    rays.add_grid(terrain_nodes(self.world.terrain.surface))
+                    geometry_top.append(row)
+                continue
+            for part in remaining.get(row, self._parts[mesh.name]):
+                rays.add_instance(part, pose, mask=masks[mesh.name])
+                geometry_top.append(row)
+        return rays.commit(), geometry_top
+
+    def _lean(self, leaning: Leaning, bodies: int) -> list[int]:
+        """Take the plants that lean out of ``rays``, and return the top-level geometry of each number."""
+        bunches, made = dict[str, Index](), dict[tuple[str, int], list[RayScene]]()
+
+        def parts(mesh: str, bunch: int) -> list[RayScene]:
+            """Return the Embree scenes of a plant, or of a bunch of its stems."""
+            if bunch == WHOLE:
+                return self._parts[mesh]
+            if mesh not in bunches:
+                bunches[mesh] = bunches_of(self.world.meshes[mesh])
+            if (mesh, bunch) not in made:
+                made[mesh, bunch] = [self.mesh_rays(self.world.meshes[mesh], bunches[mesh] == bunch)]
+            return made[mesh, bunch]
+
+        self.plants = TracedPlants(leaning, parts, bodies)
+        table, own = leaning.plants, np.zeros(len(leaning.plants.top), np.bool_)
+        own[leaning.rows] = True
+        remaining: dict[int, list[RayScene]] = {int(top): [] for top in table.top[own]}
+        partly = ~own & np.isin(table.top, table.top[own])
+        for row in np.flatnonzero(partly).tolist():
+            remaining[int(table.top[row])] += parts(str(table.mesh[row]), int(table.bunch[row]))
+        plants = table.top[self.plants.rows].tolist()
+        self.rays, geometry_top = self._standing(bodies + len(plants), remaining)
+        return [*geometry_top[:bodies], *plants, *geometry_top[bodies + len(plants) :]]
 
     def _add(self, bodies: Sequence[MovingBody], geometry_top: list[int]) -> None:
         """Add rows for bodies to the tables, and build the Embree scenes of their meshes."""
@@ -113,14 +160,14 @@ class Scene:
         self.moving = [Traced(each, scenes[each.mesh.name], radius[each.mesh.name]) for each in bodies]
 
     def interval(self, begin_ns: int, end_ns: int, centre: Array, reach: float) -> Interval:
-        """Return what moves from one stamp [ns] to another, within a reach [m] of a position (3,).
+        """Return bodies within a reach [m] of a position (3,), and plants, from one stamp [ns] to another.
 
         Raises:
-            ConfigurationError: bodies move, and the interval is too long.
+            ConfigurationError: anything moves, and the interval is too long.
         """
-        if not self.moving:
+        if not self.moves:
             return Interval(self.rays.alone, begin_ns, 0)
-        return interval_of(self.rays, self.moving, (begin_ns, end_ns), (centre, reach))
+        return interval_of(self.rays, self.moving, self.plants, (begin_ns, end_ns), (centre, reach))
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -151,7 +198,8 @@ class Scene:
             ValueError: a direction without length, a number that is not finite, or shapes that do not fit.
         """
         bundle = bundle_of(origins, directions, "directions", min_range, max_range, water)
-        scene, hits, table, count = self.rays.handle, self.hits, self._cast_table, _count(bundle)
+        still = self.still
+        scene, hits, table, count = still.rays.handle, still.hits, still._cast_table, _count(bundle)
         out = Hits(
             np.empty(count, np.float32),
             np.empty((count, 3), bundle.origins.dtype),
@@ -197,7 +245,7 @@ class Scene:
             bundle = bundle_of(origins, targets, "targets", min_range, max_range, water)
         else:
             bundle = bundle_of(origins, np.asarray(directions), "directions", min_range, max_range, water)
-        scene, out = self.rays.handle, np.empty(_count(bundle), np.bool_)
+        scene, out = self.still.rays.handle, np.empty(_count(bundle), np.bool_)
         _in_blocks(bundle, workers, lambda packet, span: int(block_rays(scene, packet, bundle, span, out)))
         return out
 
@@ -227,11 +275,12 @@ class Scene:
 
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
-        scene = RayScene(self.engine)
+        scene, vertices = RayScene(self.engine), mesh.vertices
         faces = mesh.faces.astype(np.uint32)
         if part is not None:
-            faces[~part] = MISS
-        scene.add_mesh(mesh.vertices, faces)
+            used, row = np.unique(faces[part], return_inverse=True)
+            faces[part], faces[~part], vertices = row.reshape(-1, 3), MISS, vertices[used]
+        scene.add_mesh(vertices, faces)
         return scene.commit()
 
 

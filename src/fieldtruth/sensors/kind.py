@@ -21,6 +21,7 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.leaning import Leaning
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
@@ -60,6 +61,7 @@ class SensorWorld(_Shared):
         reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
         workers: threads that may work on one reading.
         moving: bodies that move, which LiDARs and cameras see; those of the scene, if it is given.
+        leaning: plants that lean; those of the scene, if it is given.
     """
 
     def __init__(
@@ -75,11 +77,13 @@ class SensorWorld(_Shared):
         reuse: bool = False,
         workers: int = 1,
         moving: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
     ) -> None:
         super().__init__()
         self.seed = world.seed if seed is None else seed
         """Root of all randomness."""
         self.world, self.rig, self.reuse, self.workers, self.moving = world, rig, reuse, workers, moving
+        self.leaning = leaning
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
         if scene is not None:
             self.once("scene", lambda: scene)
@@ -95,7 +99,7 @@ class SensorWorld(_Shared):
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built at the first use."""
-        return self.once("scene", lambda: Scene(self.world, self.moving))
+        return self.once("scene", lambda: Scene(self.world, self.moving, self.leaning))
 
     @property
     def baked(self) -> BakedScene:

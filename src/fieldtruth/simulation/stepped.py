@@ -28,6 +28,7 @@ from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene, given_world
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.company import ALONE, Company
@@ -147,9 +148,14 @@ class Driven:
 
 
 def sensor_world_of(experiment: Experiment, world: World, scene: Scene | None = None, **options: Any) -> SensorWorld:
-    """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``."""
-    made = experiment
-    return SensorWorld(world, made.rig, made.light, made.weather, scene=scene, seed=made.noise_seed, **options)
+    """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``.
+
+    A scene that is given is of the world without wind.
+    """
+    made, leaning = experiment, leaning_of(experiment.wind, world, experiment.seed)
+    scene = scene if leaning is None else None
+    options |= {"scene": scene, "seed": made.noise_seed, "leaning": leaning}
+    return SensorWorld(world, made.rig, made.light, made.weather, **options)
 
 
 class SimulationState(NamedTuple):

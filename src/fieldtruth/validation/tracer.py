@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, bunches_of, square
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.world.model import Heightfield, Mesh, World
 
@@ -145,6 +146,30 @@ class _Placed(NamedTuple):
     high: Array
 
 
+class _Leaning(NamedTuple):
+    """All plants of the same mesh, or bunch of it, that lean, as they would stand without it."""
+
+    rows: Index
+    """Of ``Plants``."""
+    placed: _Placed
+    radius: Array
+    """[m] Greatest distance of a corner of a plant's box from its foot."""
+
+
+class _Key(NamedTuple):
+    """What is placed many times: a mesh, or a bunch of it, that leans or not."""
+
+    mesh: str
+    bunch: int
+    leans: bool
+
+
+_Rays = tuple[Array, Array, Array]
+"""Origins, directions (n, 3) and limits (n,)."""
+STANDS: Final = -1
+"""In place of a row of ``Plants``: what does not lean."""
+
+
 class _Triangles(NamedTuple):
     """Corners (n, 3, 3), class, instance id and part (n,)."""
 
@@ -155,21 +180,28 @@ class _Triangles(NamedTuple):
 
 
 class ReferenceTracer:
-    """The triangles of a world, and of bodies that move. Threads may share it."""
+    """The triangles of a world, of bodies that move, and of plants that lean. Threads may share it."""
 
-    def __init__(self, world: World, bodies: Sequence[MovingBody] = ()) -> None:
-        self.world, self.side, self._bodies = world, max(world.size), bodies
+    def __init__(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> None:
+        self.world, self.side, self._bodies, self._leaning = world, max(world.size), bodies, leaning
         self._labels = labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
-        meshes: dict[str, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
-        poses: dict[str, list[tuple[Array, int]]] = {}
+        meshes: dict[_Key, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
+        poses: dict[_Key, list[tuple[Array, int]]] = {}
+        rows: dict[_Key, list[int]] = {}
+        plants, top = _plants_by_top(leaning), TERRAIN
 
         def place(mesh: Mesh, pose: Array, instance: int) -> None:
-            name = f"mesh {mesh.name}"
-            if name not in meshes:
-                label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
-                meshes[name] = mesh.vertices.astype(np.float64)[mesh.faces], label, mesh.face_parts
-            poses.setdefault(name, []).append((pose, instance))
+            nonlocal top
+            top += 1
+            for bunch, row in plants.get(top, [(WHOLE, STANDS)]):
+                key = _Key(mesh.name, bunch, row != STANDS)
+                if key not in meshes:
+                    label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
+                    own = np.full(len(mesh.faces), True) if bunch == WHOLE else bunches_of(mesh) == bunch
+                    meshes[key] = mesh.vertices.astype(np.float64)[mesh.faces[own]], label[own], mesh.face_parts[own]
+                poses.setdefault(key, []).append((pose, instance))
+                rows.setdefault(key, []).append(row)
 
         if world.backdrop is not None:
             place(world.backdrop, np.eye(4), GROUND_ID)
@@ -179,20 +211,24 @@ class ReferenceTracer:
             own = [world.meshes[name] for name in swarm.meshes]
             for row, pose in zip(swarm.mesh.tolist(), swarm.world_from_object, strict=True):
                 place(own[row], pose, swarm.object_id)
-        self._solids = {name: _grouped(*mesh) for name, mesh in meshes.items()}
-        self._placed = {name: _placed(self._solids[name], poses[name]) for name in meshes}
+        self._solids = {key: _grouped(*mesh) for key, mesh in meshes.items()}
+        placed = {key: _placed(self._solids[key], poses[key]) for key in meshes}
+        self._placed = {key: each for key, each in placed.items() if not key.leans}
+        self._leant = {key: _leant(leaning, each, rows[key]) for key, each in placed.items() if leaning and key.leans}
 
     @property
     def triangles(self) -> int:
         """Number of triangles in the world, those of each object counted."""
-        objects = (len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
+        every = [*self._placed.items(), *((key, each.placed) for key, each in self._leant.items())]
+        objects = (len(self._solids[key].corners) * len(placed.instance) for key, placed in every)
         return sum(objects, self._ground.triangles if self._ground is not None else 0)
 
     def hits(self, origins: Array, directions: Array, limit: Array, stamps_ns: Index | None = None) -> Hits:
         """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m].
 
-        They leave at stamps (n,), by default at 0, which matter where bodies move.
+        They leave at stamps (n,), by default at 0, which matter where bodies move or plants lean.
         """
+        stamps = np.zeros(len(origins), np.int64) if stamps_ns is None else stamps_ns
         nothing = np.zeros(0)
         index, flags = nothing.astype(int), nothing.astype(np.bool_)
         none = nothing.astype(np.uint8)
@@ -206,12 +242,14 @@ class ReferenceTracer:
                 triangles = _Triangles(corners, label, instance, np.zeros(len(ray), np.uint8))
                 found.append(_hits_on(triangles, ray, origins[ray], directions[ray], limit[ray], self.side))
             start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
-            for name, placed in self._placed.items():
+            for key, placed in self._placed.items():
                 near = near_all(placed.low, placed.high, start, ahead, end)
                 ray, row = np.nonzero(meets(placed.low[near], placed.high[near], start, ahead, end))
                 if len(ray):
-                    found += self._hits_of(name, rays[ray], near[row], origins, directions, limit)
-        stamps = np.zeros(len(origins), np.int64) if stamps_ns is None else stamps_ns
+                    own = placed.inverse[near[row]], placed.instance[near[row]]
+                    found += self._hits_of(key, rays[ray], *own, (origins, directions, limit))
+            if self._leaning is not None:
+                found += self._hits_on_plants(self._leaning, rays, stamps, (origins, directions, limit))
         for body in self._bodies:
             found += self._hits_on_body(body, origins, directions, limit, stamps)
         hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -234,12 +272,28 @@ class ReferenceTracer:
             triangles = _Triangles(corners, label, instance, mesh.face_parts)
             yield _hits_on(triangles, rays, origins[rays], directions[rays], limit[rays], self.side)
 
-    def _hits_of(
-        self, name: str, ray: Index, row: Index, origins: Array, directions: Array, limit: Array
-    ) -> list[Hits]:
-        """Hits of pairs of ray and object, all with the same mesh."""
-        placed, solid, found = self._placed[name], self._solids[name], []
-        inverse = placed.inverse[row]
+    def _hits_on_plants(self, leaning: Leaning, rays: Index, stamps: Index, all_rays: _Rays) -> list[Hits]:
+        """Hits of rays (n,) on plants, each of which is where it is at the ray's own stamp."""
+        start, ahead, limit = (each[rays] for each in all_rays)
+        instants, instant = np.unique(stamps[rays], return_inverse=True)
+        begin, end = instants.min() // LEAN_KNOT_NS, -(-instants.max() // LEAN_KNOT_NS)
+        leans = leaning.vectors(leaning.rows, np.arange(begin, end + 1) * LEAN_KNOT_NS)
+        most, found = np.linalg.norm(leans, axis=-1).max(axis=0), list[Hits]()
+        for key, (rows, placed, radius) in self._leant.items():
+            away = (most[np.searchsorted(leaning.rows, rows)] * radius)[:, None]  # an arc is longer than its chord
+            low, high = placed.low - away, placed.high + away
+            near = near_all(low, high, start[:, None], ahead[:, None], limit[:, None])
+            ray, row = np.nonzero(meets(low[near], high[near], start[:, None], ahead[:, None], limit[:, None]))
+            if len(ray):
+                plants, own = np.unique(near[row], return_inverse=True)
+                poses = square(leaning.at(rows[plants], instants))[instant[ray], own]
+                inverse = np.asarray(np.linalg.inv(poses), np.float64)
+                found += self._hits_of(key, rays[ray], inverse, placed.instance[near[row]], all_rays)
+        return found
+
+    def _hits_of(self, key: _Key, ray: Index, inverse: Array, instance: Index, rays: _Rays) -> list[Hits]:
+        """Hits of pairs of ray and object, all with the same mesh; ``inverse`` (n, 4, 4) is object_from_world."""
+        (origins, directions, limit), solid, found = rays, self._solids[key], []
         start = np.einsum("nij,nj->ni", inverse[:, :3, :3], origins[ray]) + inverse[:, :3, 3]
         ahead = np.einsum("nij,nj->ni", inverse[:, :3, :3], directions[ray])
         low, high = solid.low - SKIN, solid.high + SKIN
@@ -251,8 +305,8 @@ class ReferenceTracer:
                 face = group[part, None] * _GROUP + np.arange(_GROUP)
                 inside = face < len(solid.corners)
                 face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
-                of, label, instance = ray[pair_of], solid.label[face], placed.instance[row[pair_of]]
-                triangles = _Triangles(solid.corners[face], label, instance, solid.part[face])
+                of, label, part = ray[pair_of], solid.label[face], solid.part[face]
+                triangles = _Triangles(solid.corners[face], label, instance[pair_of], part)
                 found.append(_hits_on(triangles, of, start[pair_of], ahead[pair_of], limit[of], self.side))
         return found
 
@@ -300,6 +354,23 @@ def _placed(solid: _Solid, poses: list[tuple[Array, int]]) -> _Placed:
     moved = np.einsum("nij,cj->nci", pose[:, :3, :3], corners) + pose[:, None, :3, 3]
     inverse = np.asarray(np.linalg.inv(pose), np.float64)
     return _Placed(inverse, instance, moved.min(axis=1) - SKIN, moved.max(axis=1) + SKIN)
+
+
+def _plants_by_top(leaning: Leaning | None) -> dict[int, list[tuple[int, int]]]:
+    """Bunch, and row of ``Plants`` or STANDS, of each plant of the top-level geometries of which any leans."""
+    found: dict[int, list[tuple[int, int]]] = {}
+    if leaning is not None:
+        plants, leans = leaning.plants, np.isin(np.arange(len(leaning.plants.top)), leaning.rows)
+        for row in np.flatnonzero(np.isin(plants.top, plants.top[leans])).tolist():
+            own = int(plants.bunch[row]), row if leans[row] else STANDS
+            found.setdefault(int(plants.top[row]), []).append(own)
+    return found
+
+
+def _leant(leaning: Leaning, placed: _Placed, rows: list[int]) -> _Leaning:
+    foot = leaning.plants.foot[rows]
+    far = np.maximum(np.abs(placed.low - foot), np.abs(placed.high - foot))
+    return _Leaning(np.array(rows), placed, np.linalg.norm(far, axis=1))
 
 
 def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array, Array]:

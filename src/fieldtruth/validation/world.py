@@ -26,6 +26,7 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
@@ -79,11 +80,12 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
     try:
         with progress.stage("build the world"):
             world, moving = with_bodies(world_of(experiment), run, experiment)
-            scene = Scene(world, moving)
+            leaning = leaning_of(experiment.wind, world, experiment.seed)
+            scene = Scene(world, moving, leaning)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    seed = experiment.noise_seed
-    return SensorWorld(world, run.rig, experiment.light, experiment.weather, scene=scene, seed=seed, moving=moving), ""
+    options: dict[str, Any] = {"scene": scene, "seed": experiment.noise_seed, "moving": moving, "leaning": leaning}
+    return SensorWorld(world, run.rig, experiment.light, experiment.weather, **options), ""
 
 
 class WorldObjects(Checker):

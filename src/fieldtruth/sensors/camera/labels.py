@@ -3,18 +3,20 @@
 """Labels, instances, depth, normals and optical flow: from the rays through the centres of the pixels.
 
 Optical flow: how far each pixel's surface point has moved in the image when the camera takes the next one. The point is
-that of the depth image. The world stands still, a body that moves takes its points with it, the robot moves with the
-camera, and the sky is infinitely far. A ray from the next pose to the point finds whether something hides it there.
+that of the depth image. The world stands still, bodies that move and plants that lean take their points with them, the
+robot moves with the camera, and the sky is infinitely far. A ray from the next pose to the point finds whether
+something hides it there.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core import lenses, transforms
-from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.core.classes import CLASSES, ClassTable, Label
 from fieldtruth.experiment.imaging_config import ImagingConfig
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
@@ -134,9 +136,9 @@ class LabelCamera:
             rows = slice(top, min(top + _BAND, height))
             points = FlowPoints(*(each[: rows.stop - top] for each in band))
             move_points(self.intrinsics, self._table, moved, images.depth, own, top, points)
-            if self.scene.moving:
+            if self.scene.moves:
                 poses = np.stack([world_from_optical, world_from_next])
-                self._move_with_bodies(points, images.instance[rows], top, poses, stamps_ns)
+                self._move_along(points, images.instance[rows], top, poses, stamps_ns)
             if len(self._table):
                 points.image[:] = lenses.project(lens, points.ray)
             if robot is not None:
@@ -151,13 +153,12 @@ class LabelCamera:
             flow[own & ~np.isnan(flow[..., 0])] = 0.0
         return flow
 
-    def _move_with_bodies(
+    def _move_along(
         self, points: FlowPoints, instance: NDArray[np.uint32], top: int, poses: Array, stamps_ns: tuple[int, int]
     ) -> None:
-        """Put points of bodies, found by tracing their pixels again, where their triangles are at the next stamp."""
-        scene, batch, first = self.scene, self._batch, len(self.scene.still.top_levels)
-        own = np.isin(instance, [each.body.object_id for each in scene.moving])
-        rows, columns = np.nonzero(own)
+        """Put points of what moves, whose pixels are traced again, where their triangles are at the next stamp."""
+        scene, batch, bodies = self.scene, self._batch, len(self.scene.moving)
+        rows, columns = np.nonzero(np.isin(instance, self._movers))
         if not len(rows):
             return
         now, view = self._interval(poses[0], stamps_ns[0], stamps_ns[0]), self._view(poses[0])
@@ -165,16 +166,33 @@ class LabelCamera:
             v, u = rows[start : start + BLOCK], columns[start : start + BLOCK]
             batch.image[0, : len(u)], batch.image[1, : len(u)] = u, v + top
             trace(now.rays, scene.hits.geometry_top, self._packet, view, batch, len(u))
-            number = batch.top[: len(u)] - first
-            for k in np.unique(number[number >= 0]):
+            number = batch.mover[: len(u)].copy()
+            for k in np.unique(number[(number >= 0) & (number < bodies)]):
                 at, body = np.flatnonzero(number == k), scene.moving[k].body
                 corners = body.mesh.vertices[body.mesh.faces[batch.primitive[at]]].astype(np.float64)
                 share = batch.barycentric[:, at].astype(np.float64)
                 weights = np.stack([1.0 - share.sum(axis=0), *share])
                 optical_from_body = transforms.inverse(poses[1]) @ body.at(stamps_ns[1])[0]
                 ray = transforms.transform(optical_from_body, np.einsum("kn,nkj->nj", weights, corners))
-                points.ray[v[at], u[at]], points.distance[v[at], u[at]] = ray, np.linalg.norm(ray, axis=1)
-                points.image[v[at], u[at]] = lenses.project(self.config.projection, ray)
+                self._put(points, (v[at], u[at]), ray)
+            if scene.plants is not None and (number >= bodies).any():
+                at = np.flatnonzero(number >= bodies)
+                along = scene.plants.moved(number[at].astype(np.intp) - bodies, stamps_ns)
+                moved = np.asarray(transforms.inverse(poses[1]) @ along @ poses[1])
+                ray = points.ray[v[at], u[at]]
+                self._put(points, (v[at], u[at]), np.einsum("nij,nj->ni", moved[:, :3, :3], ray) + moved[:, :3, 3])
+
+    def _put(self, points: FlowPoints, pixel: tuple[Index, Index], ray: Array) -> None:
+        """Put the points of pixels at the ends of rays (n, 3) [m] in the next optical frame."""
+        points.ray[pixel], points.distance[pixel] = ray, np.linalg.norm(ray, axis=1)
+        points.image[pixel] = lenses.project(self.config.projection, ray)
+
+    @cached_property
+    def _movers(self) -> Index:
+        """Instance ids of what moves."""
+        plants, ids = self.scene.plants, [each.body.object_id for each in self.scene.moving]
+        own = np.zeros(0, np.intp) if plants is None else plants.leaning.plants.object_id[plants.leaning.rows]
+        return np.unique(np.append(np.array(ids, np.intp), own))
 
     def _interval(self, world_from_optical: Array, begin_ns: int, end_ns: int) -> Interval:
         """Return what moves, as far away as the camera sees or a shadow reaches into its images."""

@@ -540,14 +540,15 @@ class Camera(IdealCamera):
     ) -> float:
         """Motion [pixel] of the image in a time around the stamp: of a few points, all but the fastest twentieth.
 
-        It is at least that of the fastest vertex of a body in the image.
+        It is at least that of the fastest vertex of a body in the image, and of the fastest top of a plant.
         """
         if not seconds:
             return 0.0
         around = np.array([-0.5, 0.5]) * seconds
         batch, count = self._batch, self._meter_points.shape[1]
         batch.image[:, :count] = self._meter_points
-        trace(self.scene.rays.alone, self.scene.hits.geometry_top, self._packet, view, batch, count)
+        still = self.scene.still
+        trace(still.rays.alone, still.hits.geometry_top, self._packet, view, batch, count)
         rays = batch.direction[:, :count].T.astype(np.float64)
         points = view.pose[:3, 3] + rays * np.where(batch.top[:count] < 0, _FAR, batch.distance[:count])[:, None]
         seen = [
@@ -555,22 +556,40 @@ class Camera(IdealCamera):
         ]
         moved = np.linalg.norm(seen[1] - seen[0], axis=1)
         most = float(np.quantile(moved[np.isfinite(moved)], _SWIFT)) if np.isfinite(moved).any() else 0.0
-        return max([most, *self._motions_of_bodies(stamps_at(around), optical_at(around))])
+        stamps_ns, poses = stamps_at(around), optical_at(around)
+        return max([most, self._motion_of_plants(stamps_ns, poses), *self._motions_of_bodies(stamps_ns, poses)])
+
+    def _motion_of_plants(self, stamps_ns: NDArray[np.int64], poses: Array) -> float:
+        """Motion [pixel] of the fastest top of a plant in the image."""
+        if self.scene.plants is None:
+            return 0.0
+        leaning, rows = self.scene.plants.leaning, self.scene.plants.leaning.rows
+        plants, up = leaning.plants, np.array([0.0, 0.0, 1.0])
+        top = (
+            np.linalg.inv(plants.world_from_object[rows])
+            @ np.append(plants.foot[rows] + plants.height[rows, None] * up, np.ones((len(rows), 1)), axis=1)[..., None]
+        )
+        tops = (leaning.at(rows, stamps_ns) @ top)[..., 0]
+        return self._moved(tops, poses)
 
     def _motions_of_bodies(self, stamps_ns: NDArray[np.int64], poses: Array) -> Iterator[float]:
         """Yield the motion [pixel] of the fastest vertex in the image of each body that is near enough."""
-        size = np.array([self.config.width, self.config.height])
         for body, _, radius in self.scene.moving:
             world_from_body = body.at(stamps_ns)
             if np.linalg.norm(world_from_body[0, :3, 3] - poses[0, :3, 3]) > self.config.far + radius:
                 continue
-            begin, end = (
-                lenses.project(self.config.projection, transforms.transform(each, body.mesh.vertices))
-                for each in transforms.inverse(poses) @ world_from_body
-            )
-            with np.errstate(invalid="ignore"):
-                inside = ((begin >= 0) & (begin < size) & np.isfinite(end)).all(axis=1)
-            yield float(np.linalg.norm(end - begin, axis=1)[inside].max(initial=0.0))
+            yield self._moved([transforms.transform(each, body.mesh.vertices) for each in world_from_body], poses)
+
+    def _moved(self, points: Sequence[Array], poses: Array) -> float:
+        """Motion [pixel] of the fastest of points (n, 3) [m] in the image, from one pose to the next."""
+        begin, end = (
+            lenses.project(self.config.projection, transforms.transform(transforms.inverse(pose), own))
+            for own, pose in zip(points, poses, strict=True)
+        )
+        size = np.array([self.config.width, self.config.height])
+        with np.errstate(invalid="ignore"):
+            inside = ((begin >= 0) & (begin < size) & np.isfinite(end)).all(axis=1)
+        return float(np.linalg.norm(end - begin, axis=1)[inside].max(initial=0.0))
 
 
 def _grid(config: CameraConfig) -> Array:

@@ -256,7 +256,7 @@ def amplitudes(scene: Scene, antenna: Array, directions: Array, leaf: float) -> 
         leaf: share of the amplitude that passes a leaf.
     """
     share, paths = np.zeros((len(directions), RAYS)), ray_paths(antenna, directions)
-    trace_paths(scene.rays.handle, scene.hits, new_packet(coherent=False), paths, (leaf, _SURFACE), share)
+    trace_paths(scene.still.rays.handle, scene.still.hits, new_packet(coherent=False), paths, (leaf, _SURFACE), share)
     mean: Array = share.mean(axis=1)
     return mean
 

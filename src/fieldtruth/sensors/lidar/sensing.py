@@ -455,7 +455,7 @@ class IdealLidar:
 
     def _interval(self, poses: Array, stamp_ns: int, moving: bool) -> Interval:
         """Return what moves during a scan from poses, and set the times of the beams."""
-        if not self.scene.moving:
+        if not self.scene.moves:
             return self.scene.interval(stamp_ns, stamp_ns, poses[0, :3, 3], 0.0)
         stamps = stamp_ns + sweep_times_ns(self.config) * moving
         reach = self.config.max_range + float(np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1).max())
