@@ -117,7 +117,8 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    return PreparedHere(made, world, driven.track, scene=driven.scene, moving=driven.moving, actors=driven.actors)
+    others = {"moving": driven.moving, "actors": driven.actors, "leans": driven.leans}
+    return PreparedHere(made, world, driven.track, scene=driven.scene, **others)
 
 
 def generate(
@@ -207,7 +208,13 @@ def _prepare_fleet(fleet: Fleet, progress: Progress) -> dict[Simulation, Prepare
         driven = fleet.drive(advance)
     return {
         fleet.robots[name]: PreparedHere(
-            each.experiment, world, each.track, moving=each.moving, robots=each.robots, actors=each.actors
+            each.experiment,
+            world,
+            each.track,
+            moving=each.moving,
+            robots=each.robots,
+            actors=each.actors,
+            leans=each.leans,
         )
         for name, each in driven.items()
     }

@@ -3,6 +3,7 @@
 """What moves in a run beside its own robot, as bodies for ray tracers, which are where the bag has them."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -15,9 +16,14 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.sense.leaning import plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
+from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.world.model import World
+
+_STRIDE: Final = 10
+"""Knots between two points of a robot's way."""
 
 
 def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody]]:
@@ -38,6 +44,22 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
     _fill(actors.values(), poses, joints)
     bodies = [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
     return world, [*bodies, *(cast.bodies() if cast else [])]
+
+
+def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[PressedPlants]:
+    """Return how the robots of a run press plants, by their poses in the bag; nothing if plants do not yield.
+
+    Raises:
+        BagError: the bag is damaged, or lacks them.
+    """
+    if not experiment.plants.yielding:
+        return []
+    rigs = {name: experiment.of_robot(name).rig for name in experiment.robots} or {table.ROBOT: experiment.rig}
+    poses = {name: KnotPoses() for name in rigs}
+    _read(run, poses, [])
+    ways = [np.array([pose[:2, 3] for pose in each.save()[::_STRIDE]]) for each in poses.values()]
+    hulls = {name: (rig, poses[name]) for name, rig in rigs.items()}
+    return [PressedPlants(world, plants_of(world), hulls, ways)]
 
 
 def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) -> list[Array]:

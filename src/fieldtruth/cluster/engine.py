@@ -153,13 +153,14 @@ class ClusterEngine:
         """Have a worker build the world and drive, or follow the track file.
 
         Raises:
-            ConfigurationError: an experiment with actors.
+            ConfigurationError: an experiment with actors, or with plants that yield.
             ClusterError: a worker differs from this machine, or workers or scheduler are lost.
             RouteError, DriveError, TrackError: as in ``generate``.
         """
-        if simulation.experiment.actors:
-            name = simulation.experiment.name
-            raise ConfigurationError(f"{name} has actors, which move in one process; leave the cluster out")
+        made = simulation.experiment
+        if made.actors or made.plants.yielding:
+            what = "actors" if made.actors else "plants that yield"
+            raise ConfigurationError(f"{made.name} has {what}, which move in one process; leave the cluster out")
         with cluster_errors():
             with progress.stage("wait for workers"):
                 self.client.wait_for_workers(1)

@@ -23,6 +23,7 @@ from fieldtruth.drive.controller import KinematicSimulator
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.routes import RandomRoutePlanner, check_route
 from fieldtruth.drive.simulate import Checkpoint, Drive, drive
+from fieldtruth.drive.stems import world_through
 from fieldtruth.drive.track import Track
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import (
@@ -156,8 +157,9 @@ def _planned(
     world: World, experiment: Experiment, *, verify: bool, progress: Callable[[float], None] | None = None
 ) -> tuple[RouteConfig, Track | None]:
     """Return the route and, if it is a random one that was verified, the track of the whole of it."""
-    ground, simulator = Traversability(world, experiment.rig), KinematicSimulator(experiment, world.terrain.field)
-    route = experiment.route
+    route, rig = experiment.route, experiment.rig
+    free = world_through(world, experiment.plan.through, rig.robot.ground_clearance)
+    ground, simulator = Traversability(free, rig), KinematicSimulator(experiment, world.terrain.field)
     if not isinstance(route, RandomRouteConfig):
         planned = geodetic_route(route, world.origin)
         check_route(ground, simulator, metres_from_route(planned, world.origin))

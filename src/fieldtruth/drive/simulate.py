@@ -8,7 +8,7 @@ starts to move. The drive ends half a second after the fix that reaches the last
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -28,6 +28,7 @@ from fieldtruth.drive.controller import (
 )
 from fieldtruth.drive.physics import STOP, Command, Other, ramp, resting_pose, wheel_speeds
 from fieldtruth.drive.soil import SoilContact
+from fieldtruth.drive.stems import StemContact, open_world
 from fieldtruth.drive.surroundings import EVERY, Following, FollowingState, Surroundings, WheelSoil
 from fieldtruth.drive.track import (
     STEP_NS,
@@ -92,6 +93,7 @@ class RobotState(NamedTuple):
     xy: Array
     work: float
     surroundings: FollowingState
+    stems: Any = None
 
 
 class Checkpoint(NamedTuple):
@@ -135,9 +137,11 @@ class Drive:
         self._rig, self._progress, self._origin = experiment.rig, progress, world.origin
         self._yield_to, self._slowed, self._waited = experiment.control.yield_to, False, 0
         self._follower = WaypointFollower(route.waypoints, experiment.control, world.origin)
+        stems = StemContact(world, self._rig) if experiment.plants.yielding else None
+        world = world if stems is None else open_world(world)
         self._monitor = DriveMonitor(world, self._follower, experiment.control, others or ())
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
-        self.robot = SimulatedRobot(world, self._rig, self._monitor, soil, others=others)
+        self.robot = SimulatedRobot(world, self._rig, self._monitor, soil, others=others, stems=stems)
         self.end: float = math.inf
         """Physics step at which the drive ends: infinite until it is limited, or the last waypoint is reached."""
         self.endless = False
@@ -317,6 +321,7 @@ class SimulatedRobot:
         soil: what the ground does to the wheels; None for hard ground. Its steps are as long as those of the physics.
         step_ns: step of the physics [ns]. docs/learning.md says what longer ones change.
         others: robots, and colliders of actors, by name that it meets where ``meet`` puts them.
+        stems: of plants that it pushes over; None if plants do not resist.
     """
 
     def __init__(
@@ -327,8 +332,9 @@ class SimulatedRobot:
         soil: WheelSoil | None = None,
         step_ns: int = STEP_NS,
         others: Mapping[str, Other] | None = None,
+        stems: StemContact | None = None,
     ) -> None:
-        self.steps = 0
+        self.steps, self.stems = 0, stems
         self._step_ns, self._step_s = step_ns, step_ns / 1e9
         self._every = max(1, EVERY * STEP_NS // step_ns)
         self._following = Following(world, rig, soil, self._step_s, others)
@@ -393,13 +399,16 @@ class SimulatedRobot:
 
     def save(self) -> RobotState:
         """Return what ``restore`` needs to go on from here."""
-        return RobotState(self.steps, self._ramp, self._command, self._xy, self.work, self._following.save())
+        stems = None if self.stems is None else self.stems.save()
+        return RobotState(self.steps, self._ramp, self._command, self._xy, self.work, self._following.save(), stems)
 
     def restore(self, saved: RobotState) -> None:
         """Go on from where ``save`` was called."""
         self.steps, self._ramp, self._command, self._xy = saved.steps, saved.ramp, saved.command, saved.xy
         self.work = saved.work
         self._following.restore(saved.surroundings)
+        if self.stems is not None:
+            self.stems.restore(saved.stems)
 
     def enter(self, xy: Array) -> None:
         """Have the physics of the part of the world around a point (2,) [m] before the robot is put down."""
@@ -412,6 +421,8 @@ class SimulatedRobot:
         self._xy = start_xy
         here = self._following.at(start_xy)
         here.reset()
+        if self.stems is not None:
+            self.stems.reset()
         self._command, self._ramp = STOP, (STOP, STOP, 0)
         here.data.qpos[:3], here.data.qpos[3:7] = resting_pose(
             here.bearing, start_xy, math.atan2(west, north), self._rig
@@ -449,7 +460,7 @@ class SimulatedRobot:
         """Drive ``count`` physics steps towards the target and return the state after each, (count, 13 + 2 wheels)."""
         here, (begun, target, since) = self.surroundings, self._ramp
         model, data, contacts = here.model, here.data, here.contacts
-        qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
+        qpos, qvel, ctrl, stems = data.qpos, data.qvel, data.ctrl, self.stems
         force, turning_at, power = data.actuator_force, qvel[6:], 0.0
         commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * self._step_s, self._rig.robot)
         turning = _WHEELS + len(self._rig.wheels.names)
@@ -459,6 +470,8 @@ class SimulatedRobot:
             if self.steps % self._every == 0:
                 here.is_near_ground = here.hull.is_near_ground(qpos)
             contacts.update()
+            if stems is not None:
+                stems(data, self.steps * self._step_s, self._step_s)
             mujoco.mj_step(model, data)
             self.steps += 1
             power += np.maximum(force * turning_at, 0.0).sum()

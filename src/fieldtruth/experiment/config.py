@@ -128,6 +128,24 @@ class DriveConfig(Frozen):
     """True if the robot and its sensors may be below the ground, under water or in an obstacle."""
 
 
+class PlantsConfig(Frozen):
+    """What plants and robot do to each other: ``plants: {yielding: true}``. See docs/yielding_plants.md."""
+
+    yielding: Boolean = False
+    """True: stems and twigs resist the robot, bend before it, and lie in its track. Otherwise it drives through grass
+    without any effect, and bushes stop it."""
+
+
+Through = Literal["none", "grass", "flexible"]
+"""Plants that a route may lead through: none, high grass, or flexible bushes, too."""
+
+
+class PlanConfig(Frozen):
+    """Planning of the route: ``plan: {through: flexible}``."""
+
+    through: Annotated[Through, Field(description="none, grass or flexible")] = "grass"
+
+
 FRAME_RATE: Final = 10.0
 """Frames per second of simulated time, where an experiment makes frames instead of a drive."""
 
@@ -208,6 +226,8 @@ class Experiment(Frozen):
     frames: FramesConfig | None = None
     """Separate frames in place of a drive, over all free ground or along the route."""
     control: ControlConfig = ControlConfig()
+    plan: PlanConfig = PlanConfig()
+    plants: PlantsConfig = PlantsConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
     weather: WeatherConfig = WeatherConfig()
@@ -281,6 +301,14 @@ class Experiment(Frozen):
             raise LocatedError(f"and robots must have different names, got {twice[0]} twice", ("actors",))
         if self.actors and self.frames is not None:
             raise LocatedError("exclude frames: they move while a robot drives", ("actors",))
+        return self
+
+    @model_validator(mode="after")
+    def _plants_allowed(self) -> Self:
+        if self.plan.through == "flexible" and not self.plants.yielding:
+            raise LocatedError("flexible needs plants: {yielding: true}: bushes stop the robot", ("plan", "through"))
+        if self.plants.yielding and (given := [key for key in ("drive", "frames") if getattr(self, key) is not None]):
+            raise LocatedError(f"true excludes {given[0]}: stems resist a robot that drives", ("plants", "yielding"))
         return self
 
     @model_validator(mode="after")

@@ -87,10 +87,9 @@ def dump_experiment(experiment: Experiment) -> str:
     values["rig"][MODELS] = experiment.rig.models()
     if not experiment.robots:
         del values["robots"], values["namespace"]
-    if not experiment.actors:
-        del values["actors"]
-    if experiment.wind is None:
-        del values["wind"]
+    for key in ("actors", "plan", "plants", "wind"):
+        if not values[key] or getattr(experiment, key) == Experiment.model_fields[key].default:
+            del values[key]
     for name, own in experiment.robots.items():
         if own.rig is not None:
             values["robots"][name]["rig"][MODELS] = own.rig.models()

@@ -33,7 +33,10 @@ def add_waves(table: Float32Array, waves: Float32Array, out: Float32Array) -> No
 
 @kernel
 def pose_plants(vectors: Array, world_from_object: Array, foot: Array, out: Array) -> None:
-    """Turn poses (n, 4, 4) about feet (n, 3) [m] by horizontal rotation vectors (n, 2) [rad]: ``out`` (n, 3, 4)."""
+    """Turn poses (n, 4, 4) about feet (n, 3) [m] by horizontal rotation vectors, and lower them: ``out`` (n, 3, 4).
+
+    ``vectors`` (n, 3) are x and y [rad], and the depth [m].
+    """
     for k in range(len(vectors)):
         a, b = vectors[k, 0], vectors[k, 1]
         angle = np.sqrt(a * a + b * b)
@@ -52,6 +55,7 @@ def pose_plants(vectors: Array, world_from_object: Array, foot: Array, out: Arra
                 out[k, i, j] = x * own[0, j] + y * own[1, j] + z * own[2, j]
             dx, dy, dz = own[0, 3] - at[0], own[1, 3] - at[1], own[2, 3] - at[2]
             out[k, i, 3] = at[i] + x * dx + y * dy + z * dz
+        out[k, 2, 3] -= vectors[k, 2]
 
 
 @kernel

@@ -76,7 +76,8 @@ class Lean(Protocol):
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
         """Rotation vectors (k, n, 2) [rad] about world x and y of some of its rows (n,) at knots (k,) [ns].
 
-        Knots are multiples of LEAN_KNOT_NS. A plant that leans towards +x turns about +y.
+        Knots are multiples of LEAN_KNOT_NS. A plant that leans towards +x turns about +y. A third column may have the
+        depth [m] by which a plant that is crushed sinks.
         """
         ...
 
@@ -93,12 +94,13 @@ class Leaning:
         return np.unique(np.concatenate([np.zeros(0, np.intp), *(cause.rows for cause in self.causes)])).astype(np.intp)
 
     def vectors(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
-        """Rotation vectors (k, n, 2) [rad] of plants (n,) at knots (k,) [ns]."""
-        total = np.zeros((len(knots_ns), len(rows), 2))
+        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
+        total = np.zeros((len(knots_ns), len(rows), 3))
         for cause in self.causes:
             own = np.isin(rows, cause.rows)
             if own.any():
-                total[:, own] += cause(rows[own], knots_ns)
+                found = cause(rows[own], knots_ns)
+                total[:, own, : found.shape[-1]] += found
         return total
 
     def poses(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:

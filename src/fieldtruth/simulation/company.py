@@ -26,9 +26,11 @@ from fieldtruth.drive.physics import Other
 from fieldtruth.drive.plan import expected_path, plan_route
 from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
-from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.config import Experiment, RouteConfig, metres_from_route
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sense.leaning import plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
+from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.world.model import World
 
@@ -43,10 +45,10 @@ ALONE: Final = ""
 class Company:
     """The robots of an experiment, and its actors, in its world.
 
-    An experiment with one robot, and with actors, has a company, too. Its robot has no name.
+    An experiment with one robot, and with actors or plants that yield, has a company, too. Its robot has no name.
 
     Args:
-        experiment: with robots or actors.
+        experiment: with robots, actors or plants that yield.
         make_world: returns the world, which knows neither robots nor actors; called when it is first needed.
     """
 
@@ -59,6 +61,25 @@ class Company:
         """What is known of the motion of each."""
         self._experiment, self._make_world = experiment, make_world
         self._routes = dict[str, RouteConfig]()
+
+    @cached_property
+    def _pressed(self) -> PressedPlants | None:
+        if not self._experiment.plants.yielding:
+            return None
+        ways = [metres_from_route(self._route(name), self.world.origin) for name in self.experiments]
+        hulls = {name: (made.rig, self.poses[name]) for name, made in self.experiments.items()}
+        return PressedPlants(self.world, plants_of(self.world), hulls, ways)
+
+    @property
+    def leans(self) -> list[PressedPlants]:
+        """Return how the robots press plants; nothing if these do not yield."""
+        return [] if self._pressed is None else [self._pressed]
+
+    def _route(self, name: str) -> RouteConfig:
+        """Return the route of a robot, planned once."""
+        if name not in self._routes:
+            self._routes[name] = plan_route(self.world, self.experiments[name])
+        return self._routes[name]
 
     @cached_property
     def cast(self) -> Cast | None:
@@ -98,6 +119,8 @@ class Company:
         Raises:
             ConfigurationError: an actor cannot begin where it should.
         """
+        for each in self.leans:
+            each.restart()
         if self.cast is not None:
             planned = (self.experiments[name].model_copy(update={"route": route}) for name, route in routes.items())
             self._begin([expected_path(made, self.world)[:, :2] for made in planned])
@@ -120,6 +143,8 @@ class Company:
 
     def end_actors(self, stamp_ns: int) -> None:
         """Let the actors stand from the knot [ns] on at which the last drive ends, as far as its bag knows them."""
+        for each in self.leans:
+            each.end_ns = stamp_ns
         if self.cast is not None:
             self.cast.end(stamp_ns)
 
@@ -138,18 +163,18 @@ class Company:
             self.end_actors(end_ns)
 
     def save(self) -> Any:
-        """Return what ``restore`` needs to go on from here; None without actors."""
-        if self.cast is None:
-            return None
-        return self.cast.save(), {name: each.save() for name, each in self.poses.items()}
+        """Return what ``restore`` needs to go on from here."""
+        return None if self.cast is None else self.cast.save(), {name: each.save() for name, each in self.poses.items()}
 
     def restore(self, saved: Any) -> None:
         """Go on from where ``save`` was called, in this company or another of the same experiment."""
+        cast, poses = saved
         if self.cast is not None:
-            cast, poses = saved
             self.cast.restore(cast)
-            for name, each in self.poses.items():
-                each.restore(poses[name])
+        for name, each in self.poses.items():
+            each.restore(poses[name])
+        for pressed in self.leans:
+            pressed.go_back((min(map(len, self.poses.values())) - 1) * KNOT_NS)
 
     def _states(self, stamp_ns: int) -> list[RobotState]:
         """Return where the robots are at a knot [ns], and how fast."""
@@ -205,7 +230,7 @@ class Company:
     def _at_start(self, name: str) -> Drive:
         made = self.experiments[name]
         with errors_of(name):
-            route = self._routes[name] = plan_route(self.world, made)
+            route = self._route(name)
             drive = Drive(self.world, made, route, others=self.others(name))
         drive.whole = KNOT_STEPS
         drive.limit(made.seconds)

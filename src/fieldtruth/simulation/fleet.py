@@ -138,6 +138,7 @@ class Fleet:
                 moving=company.bodies(name),
                 robots=motions,
                 actors=company.actors,
+                leans=company.leans,
             )
             for name, track in tracks.items()
         }

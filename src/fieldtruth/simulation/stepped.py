@@ -26,6 +26,7 @@ from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
+from fieldtruth.sense.leaning import Lean
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sense.wind import leaning_of
@@ -135,11 +136,14 @@ class Driven:
     """Motions of all robots of an experiment that has several."""
     actors: ActorStates | None = field(default=None, kw_only=True)
     """Motions of the actors."""
+    leans: Sequence[Lean] = field(default=(), kw_only=True)
+    """Why plants lean, beside wind."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
         """World, light and weather in which the sensors read."""
-        return sensor_world_of(self.experiment, self.world, self.scene, reuse=self.reuse, moving=self.moving)
+        made, options = self.experiment, {"reuse": self.reuse, "moving": self.moving}
+        return sensor_world_of(made, self.world, self.scene, leans=self.leans, **options)
 
     @cached_property
     def movement(self) -> Movement:
@@ -147,12 +151,14 @@ class Driven:
         return movement_of(self.track)
 
 
-def sensor_world_of(experiment: Experiment, world: World, scene: Scene | None = None, **options: Any) -> SensorWorld:
+def sensor_world_of(
+    experiment: Experiment, world: World, scene: Scene | None = None, *, leans: Sequence[Lean] = (), **options: Any
+) -> SensorWorld:
     """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``.
 
-    A scene that is given is of the world without wind.
+    A scene that is given is of the world without wind. ``leans`` are further causes by which plants lean.
     """
-    made, leaning = experiment, leaning_of(experiment.wind, world, experiment.seed)
+    made, leaning = experiment, leaning_of(experiment.wind, world, experiment.seed, *leans)
     scene = scene if leaning is None else None
     options |= {"scene": scene, "seed": made.noise_seed, "leaning": leaning}
     return SensorWorld(world, made.rig, made.light, made.weather, **options)
@@ -320,7 +326,7 @@ class Simulation:
         else:
             track = track_in(world, made, self._given.track, advance)
             company.follow(track.swept, int(track.motion.stamps_ns[-1]))
-        return Driven(made, world, track, moving=company.bodies(ALONE), actors=company.actors)
+        return Driven(made, world, track, moving=company.bodies(ALONE), actors=company.actors, leans=company.leans)
 
     def _built(self) -> SensorWorld:
         """Return the world with its scene and light; it is built at the first use."""
@@ -329,7 +335,7 @@ class Simulation:
             if made.robots and (self.company is None or made.namespace is None):
                 robots = ", ".join(made.robots)
                 raise ConfigurationError(f"{made.name} has several robots ({robots}), which a Fleet drives")
-            if made.actors and not made.robots:
+            if (made.actors or made.plants.yielding) and not made.robots:
                 self.company = Company(made, self._world_alone)
             self._route = None
             read = {name.partition("/")[0] for name in self.wanted}
@@ -337,9 +343,10 @@ class Simulation:
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
             company, scene = self.company, self._own_scene
             world, moving = self._world_alone() if company is None else company.world, list[MovingBody]()
+            leans: Sequence[Lean] = ()
             if company is not None:
-                moving, scene = company.bodies(made.namespace or ALONE), None
-            self._sensor_world = sensor_world_of(made, world, scene, workers=cpu_count(), moving=moving)
+                moving, scene, leans = company.bodies(made.namespace or ALONE), None, company.leans
+            self._sensor_world = sensor_world_of(made, world, scene, workers=cpu_count(), moving=moving, leans=leans)
         return self._sensor_world
 
     def _world_alone(self) -> World:

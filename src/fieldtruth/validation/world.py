@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bodies import with_bodies
+from fieldtruth.bag.bodies import leans_in, with_bodies
 from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.messages import ModelStatesWriter
@@ -80,7 +80,8 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
     try:
         with progress.stage("build the world"):
             world, moving = with_bodies(world_of(experiment), run, experiment)
-            leaning = leaning_of(experiment.wind, world, experiment.seed)
+            leans = leans_in(world, run, experiment)
+            leaning = leaning_of(experiment.wind, world, experiment.seed, *leans)
             scene = Scene(world, moving, leaning)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"

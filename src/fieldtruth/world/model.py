@@ -117,6 +117,8 @@ class Mesh:
     """True: a robot passes through it, whatever its class; it has no colliders."""
     axis: NDArray[np.float32] | None = None
     """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
+    tufts: NDArray[np.float32] | None = None
+    """Of tufts and clumps: x, y of each tuft's middle, its height [m] and its row of ``species`` (k, 4); else None."""
     part: NDArray[np.uint8] | None = None
     """``PlantPart`` (f,) of each face; None for what is no plant."""
 
@@ -155,6 +157,7 @@ def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
     names = tuple(dict.fromkeys(n for part in parts for n in part.materials))
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     rows = [np.array([names.index(n) for n in part.materials], np.int32)[part.material] for part in parts]
+    species = tuple(dict.fromkeys(s for part in parts for s in part.species))
     return Mesh(
         name=name,
         vertices=np.concatenate([part.vertices for part in parts]),
@@ -165,9 +168,20 @@ def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
         materials=names,
         colliders=tuple(c for part in parts for c in part.colliders),
         footprint=footprint,
-        species=tuple(dict.fromkeys(s for part in parts for s in part.species)),
+        species=species,
+        tufts=_merged_tufts(parts, species),
         part=np.concatenate([p.face_parts for p in parts]) if any(p.part is not None for p in parts) else None,
     )
+
+
+def _merged_tufts(parts: Sequence[Mesh], species: tuple[str, ...]) -> NDArray[np.float32] | None:
+    """Tufts of meshes of one frame, with their rows of the ``species`` of all; None without any."""
+    found = list[NDArray[np.float32]]()
+    for part in parts:
+        if part.tufts is not None:
+            rows = np.array([species.index(name) for name in part.species])[part.tufts[:, 3].astype(np.intp)]
+            found.append(np.column_stack([part.tufts[:, :3], rows]).astype(np.float32))
+    return np.concatenate(found) if found else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -231,7 +231,9 @@ class Planter:
         own["detail"] = form.detail * scale**2  # as many leaves as have their real size in it
         mesh = _GROW[form.form](kind, name=name, height=height, rng=rng, **own)
         if form.scaled is not None:
-            mesh = replace(mesh, vertices=np.float32(scale) * mesh.vertices, footprint=scale * mesh.footprint)
+            tufts = None if mesh.tufts is None else mesh.tufts * np.array([scale, scale, scale, 1.0], np.float32)
+            vertices = np.float32(scale) * mesh.vertices
+            mesh = replace(mesh, vertices=vertices, footprint=scale * mesh.footprint, tufts=tufts)
         return mesh if form.solid and form.scaled is None else replace(mesh, colliders=())
 
     def swarm(

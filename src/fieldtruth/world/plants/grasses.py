@@ -265,7 +265,8 @@ def grow_tuft(
     surfaces, materials, parts = zip(*pieces, strict=True)
     names = list(dict.fromkeys(materials))
     rows = np.repeat([names.index(material) for material in materials], [len(surface[3]) for surface in surfaces])
-    return merged(name, surfaces, rows, names, parts=parts, footprint=radius, species=(species.name,))
+    mesh = merged(name, surfaces, rows, names, parts=parts, footprint=radius, species=(species.name,))
+    return replace(mesh, tufts=np.array([[0.0, 0.0, height, 0.0]], np.float32))
 
 
 def _part_of(organ: Organ) -> PlantPart:
@@ -427,4 +428,5 @@ def _moved(mesh: Mesh, xy: Array) -> Mesh:
     vertices[:, :2] += xy.astype(np.float32)
     deeper = vertices[:, 2] < 0
     vertices[deeper, 2] -= np.float32(0.25 * np.hypot(*xy))
-    return replace(mesh, vertices=vertices)
+    assert mesh.tufts is not None
+    return replace(mesh, vertices=vertices, tufts=mesh.tufts + np.array([*xy, 0.0, 0.0], np.float32))

@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
 from fieldtruth.world.library import Entry, Library, validated
 
@@ -147,6 +148,25 @@ class Stand:
     trunk_wander: float | None = None
 
 
+Yields = Literal["solid", "flexible", "passable"]
+"""What a plant does to a robot that drives against it: it stops it, bends, or lets it pass."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stems:
+    """Stems of a tuft or bush that a robot pushes over: equal upright rods that are clamped in the ground.
+
+    Rigidity and strength hold at the mean height of a grass, or the usual height of a bush, and grow with the square of
+    the height, as a stem's diameter grows with its root here (``grasses.grow_tuft``).
+    """
+
+    number: Annotated[int, Field(ge=1, le=200)]
+    rigidity: Annotated[float, Field(gt=0, le=1e4)]  # EI [N m^2] of one stem near the ground
+    breaks: Annotated[float, Field(gt=0)] | None = None  # bending moment at the ground [N m]; None: it never breaks
+    recovers: Annotated[float, Field(ge=0, le=1)] = 0.5  # share of its lean that is gone long after it was pressed down
+    seconds: Annotated[float, Field(gt=0)] = 20.0  # in which 63 % of that share are gone
+
+
 @dataclass(frozen=True, kw_only=True)
 class Species:
     """A species of tree or bush: its materials, and its habits by age and surroundings."""
@@ -165,6 +185,8 @@ class Species:
     young_below: float = 6.5  # [m] height below which the young habit applies
     stand: Habit | None = None  # in a forest stand: a long clear trunk and a narrow crown; None: as ``grown``
     exposed: Habit | None = None  # stunted by wind and drought, at any age; None: as elsewhere
+    yields: Yields = "solid"
+    stems: Stems | None = None  # of a flexible one
 
     def __str__(self) -> str:
         return self.name
@@ -260,6 +282,8 @@ class GrassSpecies:
     radius: float  # [m] of the disc that a tuft roots in, at the mean height
     lopsided: float = 0.5  # weight of the direction in which a whole tuft leans, against 1 for outwards
     blades: tuple[Blades, ...]
+    yields: Yields = "passable"
+    stems: Stems | None = None  # None: too soft to be felt
 
     def __str__(self) -> str:
         return self.name
@@ -392,6 +416,8 @@ def _species(name: str, content: Entry, path: Path) -> Species:
         if form in values:
             values[form] = _merged(values.get("grown"), values[form])
     species = validated(Species, values, str(path))
+    if (species.yields == "flexible") != (species.stems is not None):
+        raise ConfigurationError(f"{path}: stems are of a species that is flexible, and of no other")
     if stand is None:
         return species
     return replace(species, stand=in_stand(species.grown, validated(Stand, stand, f"{path}: stand")))
