@@ -136,8 +136,9 @@ class Company:
 
     def forget(self, before_ns: int) -> None:
         """Forget the motion of all that no stamp from this one [ns] on needs."""
-        for poses in self.poses.values():
-            poses.forget(before_ns)
+        if not self.leans:  # they follow from all poses
+            for poses in self.poses.values():
+                poses.forget(before_ns)
         if self.cast is not None:
             self.cast.forget(before_ns)
 
