@@ -19,7 +19,7 @@ FOREIGN = ("Husky", "left camera", "right camera", "left and right", "image_3", 
 """Words of the paper's rig: a pair of cameras on a robot with four wheels."""
 LEFT_OUT = (
     *("kitti-object", "kitti-tracking", "mot", "occupancy", "stereo-depth", "coco", "zip", "mcap", "tum"),
-    *("local-maps", "local-maps-bag", "image-cost", "experience", "scene-completion"),
+    *("local-maps", "local-maps-bag", "image-cost", "experience", "scene-completion", "video", "webp"),
 )
 """Formats that build the world again, need a pair, depth or instances, or have no text."""
 

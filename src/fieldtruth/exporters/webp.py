@@ -31,8 +31,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         if stamp >= frames.stamps_ns[rows[-1]] + _STEP_NS:
             rows.append(row)
 
-    drawn = options.each("write the animation", run, rows, lambda row: Image.fromarray(frames.draw(row)))
-    first, *others = drawn
+    first, *others = options.each("write the animation", run, rows, lambda row: Image.fromarray(frames.draw(row)))
     begins = np.rint((frames.stamps_ns[rows] - frames.stamps_ns[0]) / 1e6).astype(int)
     lasts = np.diff(begins, append=begins[-1] + (begins[-1] - begins[-2] if len(begins) > 1 else 1000))
     first.save(
