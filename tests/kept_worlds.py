@@ -11,6 +11,7 @@ import pytest
 from fieldtruth.core.cache import cache_folder
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
+from fieldtruth.kernels.columns import Faces
 from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.moving import MovingBody
@@ -19,6 +20,7 @@ from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.build import load_world
 from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import World
+from fieldtruth.world_maps.bodies import faces_of
 
 SKY_TEXELS: Final = 512
 """Texels of the sky: one of the full size takes seconds."""
@@ -44,6 +46,9 @@ class Kept:
         if bodies:
             return ReferenceTracer(world, bodies)
         return self._once(("tracer", id(world)), ReferenceTracer, world)
+
+    def faces_of(self, world: World) -> Faces:
+        return self._once(("faces", id(world)), faces_of, world)
 
     def bake(
         self,

@@ -3,8 +3,10 @@
 """Contents of a plain installation: every data file and every module that the core imports.
 
 An editable installation finds data files that a wheel leaves out, and an environment for tests has more packages.
+The lock file has those of the extra dev.
 """
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -12,6 +14,8 @@ from pathlib import Path
 from typing import Final
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT: Final = Path(__file__).parents[1]
 
@@ -80,3 +84,16 @@ def test_every_data_file_is_in_the_wheel() -> None:
     packed = {path for pattern in patterns for path in package.glob(pattern)}
     files = {path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     assert sorted(str(path.relative_to(package)) for path in files - packed if path.suffix != ".py") == []
+
+
+def test_the_lock_file_holds_every_package_that_the_extra_dev_asks_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    left, asked = [*project["dependencies"], *project["optional-dependencies"]["dev"]], set[str]()
+    while left:
+        requirement = Requirement(left.pop())
+        asked.add(canonicalize_name(requirement.name))
+        if requirement.name == "fieldtruth":
+            left += [each for extra in requirement.extras for each in project["optional-dependencies"][extra]]
+    lock = (ROOT / "requirements-dev.lock").read_text(encoding="utf-8")
+    locked = {canonicalize_name(name) for name in re.findall(r"^([\w.-]+)==", lock, re.MULTILINE)}
+    assert asked - locked == {"fieldtruth"}

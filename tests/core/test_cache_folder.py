@@ -102,6 +102,7 @@ def test_the_command_lists_and_clears(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv(SIZE_VARIABLE, raising=False)
     folder = tmp_path / "fieldtruth"
     for name in ("park-0-1.npz", "light-park-2.npz"):
         stored(folder / name, 2_000_000 * "x")

@@ -36,6 +36,12 @@ OF_MOVERS = ("kitti-tracking", "mot")
 pytestmark = pytest.mark.usefixtures("in_park")
 
 
+@pytest.fixture(autouse=True)
+def few_voxels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Volumes of 12.8 m by 25.6 m: those of the full size, two million voxels for each cloud, take seconds."""
+    monkeypatch.setattr("fieldtruth.exporters.scene_completion.SHAPE", (64, 128, 32))
+
+
 @pytest.fixture(scope="module")
 def blind_bag(brief_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Bag without the topics of cameras."""

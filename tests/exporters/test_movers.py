@@ -31,6 +31,8 @@ from fieldtruth.exporters import export, kitti_object, kitti_tracking
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 F8 = NDArray[np.float64]
 
 LIDAR: Final = {"kind": "lidar", "columns": 256, "rings": 32, "max_range": 20.0, "spinning": True}

@@ -257,6 +257,7 @@ def test_range_image_has_what_is_ahead_in_its_middle() -> None:
     assert ranges[15, 0] == pytest.approx(ranges[15, 179], abs=0.05)
 
 
+@pytest.mark.usefixtures("small_sky")
 def test_image_shows_the_sky_above_and_what_is_left_of_the_way_on_the_left() -> None:
     """A pinhole camera at the paper's left one, looking along x of base_link, shows a block's front and right side."""
     from sense_worlds import at, box

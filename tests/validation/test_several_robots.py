@@ -19,6 +19,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.validation import Check, world
 from fieldtruth.validation.runner import validate
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 LIDAR = {"kind": "lidar", "columns": 256, "rings": 32, "max_range": 20.0, "spinning": True}
 CAMERA = {"kind": "camera", "name": "eye", "width": 160, "height": 120, "rate_hz": 10,
           "mount": {"xyz": [0.3, 0.0, 0.5]}}  # fmt: skip

@@ -115,9 +115,7 @@ def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
         turbidity: optical depth of all air over that of its molecules, at 550 nm.
         ceiling: height of clouds [km].
     """
-    depths = optical_depths(turbidity)
-    higher = np.zeros((HEIGHTS, COSINES, len(WAVELENGTHS)))
-    fill_higher_orders(depths, sphere(64, 0.0), higher)
+    depths, higher = optical_depths(turbidity), higher_orders(turbidity)
     scattered = np.zeros((ELEVATIONS, AZIMUTHS, 2, 3, len(WAVELENGTHS)))
     passed = np.zeros((ELEVATIONS, len(WAVELENGTHS)))
     scatter(depths, higher, elevation, ceiling, scattered, passed)
@@ -126,6 +124,14 @@ def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
     share = passed @ weight / weight.sum(axis=0)
     rgb = np.maximum(scattered * SOLAR @ RGB_FROM_SPECTRUM, 0.0)
     return Clear(rgb, np.clip(share, 0.0, 1.0), np.maximum(suns[0], 0.0), np.maximum(suns[1], 0.0))
+
+
+@lru_cache(16)  # 0.2 MB each; it takes more than half of the time, for a table that suns at any height share
+def higher_orders(turbidity: float) -> Array:
+    """Light that was scattered more than once (HEIGHTS, COSINES, 19), per irradiance of the sun."""
+    found = np.zeros((HEIGHTS, COSINES, len(WAVELENGTHS)))
+    fill_higher_orders(optical_depths(turbidity), sphere(64, 0.0), found)
+    return found
 
 
 def optical_depths(turbidity: float) -> Array:
