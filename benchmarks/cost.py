@@ -139,6 +139,7 @@ def scheme(environment: str, path: str) -> None:
         figures = [
             f"{name} {np.mean(d):.4f} ({np.percentile(d, 95):.4f})"
             for name, d in zip(Passage._fields, off.T, strict=True)
+            if len(d)  # without tolerance all are driven
         ]
         print(
             f"factor {factor:g}: {found.driven.mean():.3f} driven; cause wrong {wrong.mean():.4f}; "

@@ -128,7 +128,7 @@ def test_a_plant_that_is_cut_at_the_edge_keeps_its_parts() -> None:
     cut = cut_at_edge(replace(scene.world, size=(1.0, 3.0)))
     (mesh,) = cut.meshes.values()
     middle = mesh.vertices[mesh.faces].mean(axis=1)
-    assert np.abs(middle[:, :2]).max(axis=0) <= pytest.approx([0.5, 1.5])
+    assert (np.abs(middle[:, :2]).max(axis=0) < [0.5, 1.5]).all()
     assert set(mesh.face_parts) == {5, 0}  # the sides in x and y are beyond the edge
     assert np.array_equal(mesh.face_parts, SIDES[side_of(middle * [0.0, 0.0, 1.0])])
 

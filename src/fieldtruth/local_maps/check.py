@@ -136,7 +136,8 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
 def _compare(count: Count, where: str, values: NDArray[Any] | None, due: NDArray[Any]) -> None:
     """Count the cells of a layer."""
     if values is None or values.shape != due.shape:
-        count.add(due.size, due.size, f"{where}: {'missing' if values is None else f'shape {values.shape}'}")
+        found_shape = () if values is None else values.shape
+        count.add(due.size, due.size, f"{where}, whose shape is {found_shape}, expected {due.shape}")
         return
     with np.errstate(invalid="ignore"):
         same: Mask = np.isclose(values, due, _CLOSE, _CLOSE, equal_nan=True) if due.dtype.kind == "f" else values == due

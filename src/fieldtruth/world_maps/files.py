@@ -135,16 +135,18 @@ _GRID_MAP = (
 )
 
 
+_INFO_MESSAGE, _GRID_MAP_MESSAGE = register(_INFO, _INFO_TYPE), register(_GRID_MAP, GRID_MAP_TYPE)
+
+
 def grid_map_message(grid: Grid, layers: Layers, stamp_ns: int = STAMP_NS, number: int = 0) -> bytes:
     """Serialise grid_map_msgs/GridMap of layers (n, m), the ``number``-th of its topic."""
-    info, grid_map = register(_INFO, _INFO_TYPE), register(_GRID_MAP, GRID_MAP_TYPE)
     length_x, length_y = (count * grid.resolution for count in grid.shape)
     pose = noetic.geometry_msgs__msg__Pose(
         noetic.geometry_msgs__msg__Point(grid.x0 + length_x / 2, grid.y0 + length_y / 2, 0.0),
         noetic.geometry_msgs__msg__Quaternion(0.0, 0.0, 0.0, 1.0),
     )
-    own = info(header(number, stamp_ns, WORLD), grid.resolution, length_x, length_y, pose)
-    message = grid_map(own, list(layers), [], [_matrix(values) for values in layers.values()], 0, 0)
+    own = _INFO_MESSAGE(header(number, stamp_ns, WORLD), grid.resolution, length_x, length_y, pose)
+    message = _GRID_MAP_MESSAGE(own, list(layers), [], [_matrix(values) for values in layers.values()], 0, 0)
     return serialize(message, GRID_MAP_TYPE)
 
 
