@@ -14,6 +14,7 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.kernels.columns import Faces
 from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.leaning import Leaning
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.tracer import ReferenceTracer
@@ -39,12 +40,16 @@ class Kept:
     def world_of(self, e: Experiment) -> World:
         return self.load_world(e.environment, e.seed, e.layout)
 
-    def scene(self, world: World, bodies: Sequence[MovingBody] = ()) -> Scene:
-        return Scene(world, bodies) if bodies else self._once(("scene", id(world)), Scene, world)
+    def scene(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> Scene:
+        if bodies or leaning:
+            return Scene(world, bodies, leaning)
+        return self._once(("scene", id(world)), Scene, world)
 
-    def tracer(self, world: World, bodies: Sequence[MovingBody] = ()) -> ReferenceTracer:
-        if bodies:
-            return ReferenceTracer(world, bodies)
+    def tracer(
+        self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None
+    ) -> ReferenceTracer:
+        if bodies or leaning:
+            return ReferenceTracer(world, bodies, leaning)
         return self._once(("tracer", id(world)), ReferenceTracer, world)
 
     def faces_of(self, world: World) -> Faces:

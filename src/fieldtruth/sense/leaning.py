@@ -62,7 +62,7 @@ class Plants(NamedTuple):
     mesh: NDArray[np.str_]
     """(n,) Name of its mesh in ``World.meshes``, which names its species."""
     world_from_object: Array
-    """(n, 4, 4) Of the whole object or clump, as it stands without any lean."""
+    """(n, 4, 4) Of the whole object or clump, without any lean."""
 
 
 class Lean(Protocol):
