@@ -117,8 +117,9 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    others = {"moving": driven.moving, "actors": driven.actors, "leans": driven.leans}
-    return PreparedHere(made, world, driven.track, scene=driven.scene, **others)
+    return PreparedHere(
+        made, world, driven.track, driven.scene, moving=driven.moving, actors=driven.actors, leans=driven.leans
+    )
 
 
 def generate(

@@ -9,7 +9,7 @@ import pytest
 from walks import F8, Walk, flat, placements, slope, walk
 
 from fieldtruth.actors import cyclist, multirotor
-from fieldtruth.actors.limbs import STEP
+from fieldtruth.actors.figure import STEP
 from fieldtruth.actors.person import FOREARM
 
 SIDES = ("front_left", "front_right", "rear_left", "rear_right")

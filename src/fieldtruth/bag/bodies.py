@@ -57,7 +57,7 @@ def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[Pressed
     rigs = {name: experiment.of_robot(name).rig for name in experiment.robots} or {table.ROBOT: experiment.rig}
     poses = {name: KnotPoses() for name in rigs}
     _read(run, poses, [])
-    ways = [np.array([pose[:2, 3] for pose in each.save()[::_STRIDE]]) for each in poses.values()]
+    ways = [each(np.arange(0, len(each), _STRIDE) * KNOT_NS)[:, :2, 3] for each in poses.values()]
     hulls = {name: (rig, poses[name]) for name, rig in rigs.items()}
     return [PressedPlants(world, plants_of(world), hulls, ways)]
 
