@@ -210,7 +210,7 @@ def test_flexible_bushes_open_and_push_back() -> None:
     world = dataclasses.replace(make_world(), meshes={"heather": mesh}, instances=(bush,))
     own = {name: MATERIALS[name] for name in mesh.materials}
     world = dataclasses.replace(world, materials={**world.materials, **own})
-    plan = {"plan": {"through": "flexible"}, "plants": {"yielding": True}}
+    plan: dict[str, Any] = {"plan": {"through": "flexible"}, "plants": {"yielding": True}}
     with pytest.raises(RouteError, match="heather"):
         plan_route(world, make_experiment([(6.0, 0.0)]))
     experiment = make_experiment([(6.0, 0.0)], control={"speed": 1.0}, seconds=4.5, **plan)

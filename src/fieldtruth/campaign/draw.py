@@ -309,7 +309,7 @@ def _built_in(environment: str) -> list[Tree]:
     if is_environment_file(environment):
         return [{"random": {"length_m": RANDOM_ROUTE["random"]["length_m"]}}]
     names: list[Tree] = [
-        name for name, made in _catalogue().items() if made.environment == environment and not made.actors
+        name for name, made in _catalogue().items() if made.environment == environment and not made.is_living
     ]
     if not names:
         raise ConfigurationError(

@@ -158,7 +158,7 @@ class ClusterEngine:
             RouteError, DriveError, TrackError: as in ``generate``.
         """
         made = simulation.experiment
-        if made.actors or made.plants.yielding:
+        if made.is_living:
             what = "actors" if made.actors else "plants that yield"
             raise ConfigurationError(f"{made.name} has {what}, which move in one process; leave the cluster out")
         with cluster_errors():

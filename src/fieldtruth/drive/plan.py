@@ -182,11 +182,11 @@ def _planned(
 
 
 def experiments_in(environment: str) -> list[Experiment]:
-    """Return the built-in experiments without actors of an environment, by name; of a file, one with a random route."""
+    """Return the built-in experiments of an environment, not living ones, by name; of a file, a random one."""
     if is_environment_file(environment):
         return [validated({"name": world_name(environment), "environment": environment}, environment)]
     experiments = map(load_experiment, EXPERIMENTS)
-    return [each for each in experiments if each.environment == environment and not each.actors]
+    return [each for each in experiments if each.environment == environment and not each.is_living]
 
 
 def expected_path(experiment: Experiment, world: World) -> Array:

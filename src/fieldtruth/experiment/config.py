@@ -349,6 +349,11 @@ class Experiment(Frozen):
         return self.model_copy(update={**values, "name": f"{whole}_{name}", "robots": robots, "namespace": name})
 
     @property
+    def is_living(self) -> bool:
+        """True if anything but the robot moves: actors, or plants that yield."""
+        return bool(self.actors) or self.plants.yielding
+
+    @property
     def noise_seed(self) -> int:
         """Root of the errors of its sensors: the seed; of one of several robots a child of it."""
         if self.namespace is None:

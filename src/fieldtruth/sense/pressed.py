@@ -9,8 +9,9 @@ plant that lies against the robot's way by more than _AGAINST is pressed down fu
 flat. What then is still inside, such as blades that sprawl towards the robot, is crushed: the plant sinks until it is
 below the hull. A hull pushes forwards or backwards, whichever way it moves.
 
-Below the hull a plant stays as it is. Behind it lean and depth decay towards the share that remains, with the time of
-the species (``Stems.recovers``, ``Stems.seconds``; assumed): lodged grass rises in minutes to days, and not wholly.
+Below the hull a plant stays as it is. Behind it the lean decays towards the share that remains, with the time of the
+species (``Stems.recovers``, ``Stems.seconds``; assumed): lodged grass rises in minutes to days, and not wholly. What is
+crushed springs back.
 
 The lean at a knot follows from the robot's poses until the knot before, continued for one knot beyond, so that plants
 are out of the way between knots, too, and bend some centimetres early. It is a pure function of these poses.
@@ -30,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Plants, bunches_of
-from fieldtruth.sense.moving import KnotPoses
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.stems import species_of, yields_of
 
@@ -45,6 +46,8 @@ _SPRAWLING: Final = np.radians(40.0)
 _MARGIN: Final = 0.03
 """[m] around the hull: distance of the points of a plant that are looked at."""
 _STEP: Final = 0.05  # [m] between points along an edge of a triangle
+_SPRINGS: Final = 2.0
+"""Time [s] in which a plant that is crushed rises by 63 % of its depth (assumed)."""
 _DEFAULT: Final = (0.6, 20.0)
 """Share that recovers and its time [s] of species without stems."""
 _TIME: Final = LEAN_KNOT_NS / 1e9
@@ -131,12 +134,15 @@ class PressedPlants:
                 last[k], lean[k] = self._pressed[row][at], self._leans[row][at]
         behind = (last >= 0) & (last < knot)
         gone = self._recovers[rows] * -np.expm1(-(knot - last) * _TIME / self._seconds[rows])
-        return np.asarray(lean * np.where(behind, 1.0 - gone, 1.0)[:, None])
+        left = np.where(behind, 1.0 - gone, 1.0)
+        depth = np.where(behind, np.exp(-(knot - last) * _TIME / _SPRINGS), 1.0)
+        return np.asarray(lean * np.stack([left, left, depth], axis=-1))
 
     def _advance(self, knot: int) -> None:
         """Find what is pressed at a knot, by all robots in turn."""
         for hull, poses in self._hulls:
-            stamps = np.minimum(np.maximum([knot - 2, knot - 1], 0) * LEAN_KNOT_NS, self.end_ns)
+            # A bag has no pose at time 0: that of the first knot stands for it.
+            stamps = np.clip(np.array([knot - 2, knot - 1]) * LEAN_KNOT_NS, KNOT_NS, self.end_ns)
             before, now = poses(stamps)
             moved = np.linalg.inv(before) @ now
             self._press(knot, hull, now @ moved @ moved, float(moved[0, 3]))

@@ -335,7 +335,7 @@ class Simulation:
             if made.robots and (self.company is None or made.namespace is None):
                 robots = ", ".join(made.robots)
                 raise ConfigurationError(f"{made.name} has several robots ({robots}), which a Fleet drives")
-            if (made.actors or made.plants.yielding) and not made.robots:
+            if made.is_living and not made.robots:
                 self.company = Company(made, self._world_alone)
             self._route = None
             read = {name.partition("/")[0] for name in self.wanted}

@@ -283,7 +283,7 @@ class GrassSpecies:
     lopsided: float = 0.5  # weight of the direction in which a whole tuft leans, against 1 for outwards
     blades: tuple[Blades, ...]
     yields: Yields = "passable"
-    stems: Stems | None = None  # None: too soft to be felt
+    stems: Stems | None = None  # None: too soft to resist
 
     def __str__(self) -> str:
         return self.name
