@@ -117,9 +117,8 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    return PreparedHere(
-        made, world, driven.track, driven.scene, moving=driven.moving, actors=driven.actors, leans=driven.leans
-    )
+    moving, actors, leans = driven.moving, driven.actors, driven.leans
+    return PreparedHere(made, world, driven.track, scene=driven.scene, moving=moving, actors=actors, leans=leans)
 
 
 def generate(

@@ -120,7 +120,7 @@ def test_the_variance_of_a_lean_is_the_integral_of_spectrum_and_response(world: 
         lean = np.stack([series(world, row, 3000, seed) for seed in range(4)])
         towards = np.stack([lean[..., 1], -lean[..., 0]], axis=-1)  # a plant that leans to +x turns about +y
         assert (towards @ along).mean() == pytest.approx(mean, rel=0.03)
-        assert (towards @ across).mean() == pytest.approx(0.0, abs=0.05 * mean)
+        assert (towards @ across).mean() == pytest.approx(0.0, abs=0.05 * float(mean))
         hertz = np.geomspace(1e-4, wind.BAND_HZ[1], 20_000)
         own = kinds.hertz[row], kinds.damping[row]
         answer = np.abs(1.0 / (1.0 - (hertz / own[0]) ** 2 + 2j * own[1] * hertz / own[0])) ** 2
