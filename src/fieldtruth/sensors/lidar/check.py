@@ -383,7 +383,7 @@ class RetracedClouds(Checker):
             directions = rays_at(config, raw.stamp_ns)
             cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            part = [cloud["part"]] * config.parts
+            part = [cloud["part"]] if config.parts else []
             bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"], *part)
         except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout

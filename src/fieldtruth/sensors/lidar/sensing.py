@@ -140,9 +140,8 @@ def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
 
 
 def _new_scan(count: int) -> Scan:
-    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32)
-    none = np.zeros(0, np.uint8)
-    return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds), part=none)  # type: ignore[misc, arg-type]
+    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, np.uint8)
+    return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
 
 
 SNOW: Final = 0.85
@@ -260,9 +259,8 @@ def _ground(world: World) -> Grid:
 
 def new_reading(count: int) -> Reading:
     """Return an empty reading of so many points."""
-    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, *3 * (np.float32,), np.uint8, np.uint8)
-    none = np.zeros(0, np.uint8)
-    return Reading(np.zeros((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds), part=none)  # type: ignore[misc, arg-type]
+    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, *3 * (np.float32,), *3 * (np.uint8,))
+    return Reading(np.zeros((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
 
 
 def limit_of(signal: LidarSignal) -> float:
