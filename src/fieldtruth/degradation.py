@@ -94,6 +94,7 @@ def degrade(
                     scene=made.scene,
                     moving=made.moving,
                     actors=made.actors,
+                    leans=made.leans,
                 )
             with progress.stage("build the world"):
                 world, track = simulation.world, stored.track()

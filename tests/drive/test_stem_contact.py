@@ -24,9 +24,10 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.kernels.stems import AHEAD, BROKEN, ENERGY, MOMENT, RESIDUAL
 from fieldtruth.world.library import validated as validated_species
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Instance, Swarm, World, make_mesh
+from fieldtruth.world.model import Collider, Instance, Swarm, World, make_mesh
 from fieldtruth.world.plants import BUSHES, grow_bush
 from fieldtruth.world.plants.species import GRASSES, GrassSpecies, Stems
+from fieldtruth.world.stems import yields_of
 
 F8 = NDArray[np.float64]
 BEGIN, BED = 0.9, 0.7
@@ -140,6 +141,33 @@ def test_a_stem_resists_either_way_and_not_twice(monkeypatch: pytest.MonkeyPatch
     back = robot.stems.work - first
     assert robot.pose[0][0] < 0.2  # backwards over the bed
     assert 0.2 * first < back < 0.4 * first  # some seconds later: 40 % at most
+
+
+def test_a_robot_that_settles_among_stems_begins_without_their_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = robot_in(bed(monkeypatch, 100.0, SOFT, begin=-0.5, end=0.5))
+    assert robot.stems is not None
+    assert np.isfinite(robot.stems.pressed).any()
+    assert robot.stems.work == 0.0
+
+
+def test_beyond_the_worlds_edge_no_stem_acts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On any side, wherever the table of squares would be read."""
+    robot = robot_in(bed(monkeypatch, 100.0, SOFT))
+    assert robot.stems is not None
+    data = robot.surroundings.data
+    for x, y in ((0.0, 1e4), (0.0, -1e4), (1e4, 0.0), (-1e4, 0.0), (1e4, 1e4)):
+        data.qpos[:2], data.qfrc_applied[:6] = (x, y), 1.0
+        robot.stems(data, 1.0, 0.001)
+        assert not data.qfrc_applied[:6].any()
+
+
+def test_only_living_bushes_with_one_cylinder_yield() -> None:
+    mesh = grow_bush(BUSHES["heather"], name="heather", height=0.45, rng=np.random.default_rng(0), detail=0.1)
+    box = Collider(shape="box", size=(0.1, 0.1, 0.1))
+    assert yields_of(mesh) == "flexible"
+    assert yields_of(dataclasses.replace(mesh, colliders=(*mesh.colliders, box))) == "solid"
+    assert yields_of(dataclasses.replace(mesh, colliders=(box,))) == "solid"
+    assert yields_of(dataclasses.replace(mesh, materials=("bark_dead", *mesh.materials[1:]))) == "solid"
 
 
 def test_stems_break_or_stop_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -164,9 +164,39 @@ def test_leans_do_not_depend_on_when_they_are_asked_for() -> None:
     at_once = whole(rows, knots(40))
     for k in (3, 20, 21, 39):
         step(rows, knots(40)[k : k + 1])
-    step.go_back(2_000_000_000)
+    step.restart()
     assert np.array_equal(step(rows[::2], knots(40)), at_once[:, ::2])
     assert np.abs(at_once).max() > 1.0
+
+
+class Blown:
+    """A wind of 0.3 rad towards -x, against the robot."""
+
+    def __init__(self, count: int) -> None:
+        self.rows = np.arange(count)
+
+    def __call__(self, rows: NDArray[np.intp], knots_ns: NDArray[np.int64]) -> F8:
+        return np.tile([0.0, -0.3], (len(knots_ns), len(rows), 1))
+
+
+def test_wind_does_not_turn_what_a_hull_holds() -> None:
+    """The wind is whole before the front and nothing where the lean is FLAT, as under a wheel, in any order of causes."""
+    world = meadow(stem(1.2), np.array([[0.0, Rig().wheels.half_track]]))
+    cause, alone = pressed(world, driven(there(12.0)))
+    rows, wind = np.array([0]), Blown(1)
+    leans = alone.vectors(rows, knots(110))[:, 0]
+    both = [Leaning(alone.plants, causes).vectors(rows, knots(110))[:, 0] for causes in ((wind, cause), (cause, wind))]
+    assert np.array_equal(*both)
+    stands, flat = leans[:, 1] == 0.0, leans[:, 1] > FLAT - 1e-9
+    assert stands.any()
+    assert flat.any()
+    assert both[0][stands, 1] == pytest.approx(-0.3)
+    assert both[0][flat] == pytest.approx(leans[flat])
+    upright, crushed = leans[:, 2] == 0.0, leans[:, 2] >= 1e-3
+    assert crushed.any()
+    assert both[0][crushed] == pytest.approx(leans[crushed])
+    expected = leans[:, 1] - 0.3 * np.maximum(1.0 - leans[:, 1] / FLAT, 0.0)
+    assert both[0][upright, 1] == pytest.approx(expected[upright])
 
 
 def test_plants_far_from_the_way_stand() -> None:

@@ -68,6 +68,17 @@ def test_steps_of_any_length_and_any_number_of_workers_give_the_same_readings(wo
     assert not any(map(alike, one, still))
 
 
+def test_steps_of_half_a_knot_forget_nothing_that_an_interval_among_plants_needs(world: World) -> None:
+    """The interval of a scan begins at a knot of plants, up to 0.1 s before it, and bodies are asked for there."""
+    lidar = {"kind": "lidar", "columns": 64, "rings": 8, "rate_hz": 20.0, "spinning": True}
+    actors = {"anna": {"kind": "person", "behaviour": "stand", "start": (4.0, -3.0)}}
+    experiment = windy(seconds=2.0, rig={"sensors": [lidar]}, actors=actors)
+    steps = clouds_of(Simulation(experiment, world=world), [0.05] * 24)
+    at_once = clouds_of(Simulation(experiment, world=world), [1.2])
+    assert len(steps) == len(at_once) > 20
+    assert all(map(alike, steps, at_once))
+
+
 def test_each_point_lies_on_the_plane_of_the_wall_at_its_own_instant(world: World) -> None:
     experiment = windy()
     simulation = Simulation(experiment, world=world)

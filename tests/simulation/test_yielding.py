@@ -100,6 +100,21 @@ def test_readings_do_not_depend_on_steps_workers_or_going_back(world: World, run
     assert parse_experiment(dump_experiment(crossing())) == crossing()
 
 
+def test_another_drive_begins_with_plants_that_stand(world: World) -> None:
+    """Neither a reset nor a saved state takes leans of a drive that went another way."""
+    one, other = (Simulation(crossing(seconds=2.0), world=world, sensors=["lidar"]) for _ in range(2))
+    right = clouds_of(other, [0.3, 0.6])
+    state = other.save()
+    one.reset(start=(0.0, 1.0, -20.0))
+    aside = one.step(0.9).all["lidar"]
+    assert not any(map(alike, aside, right))
+    assert all(map(alike, clouds_of(one, [0.3, 0.6]), right))
+    one.reset(start=(0.0, 1.0, -20.0))
+    assert all(map(alike, one.step(0.9).all["lidar"], aside))
+    one.restore(state)
+    assert all(map(alike, one.step(0.2).all["lidar"], other.step(0.2).all["lidar"]))
+
+
 def hull_hits(cloud: Cloud, experiment: Experiment) -> int:
     """Points of plants in the box of the hull, seen from just above it."""
     lidar = experiment.rig.sensors[3].mount.base_from_sensor  # type: ignore[attr-defined]

@@ -216,6 +216,20 @@ def test_mistake_in_a_section_is_reported_with_file_and_key(tmp_path: Path, sect
         TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"] + section))
 
 
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("yields: solid\n", r"mine\.yaml: yields must be flexible or passable of a grass, which has no collider"),
+        ("yields: flexible\n", r"mine\.yaml: a grass that is flexible needs stems"),
+    ],
+)
+def test_a_grass_that_cannot_yield_so_is_refused(tmp_path: Path, lines: str, message: str) -> None:
+    file = next(path for path in data_files() if path.parent.name == "grasses" and path.stem == "daisy")
+    assert "yields" not in file.read_text()
+    with pytest.raises(ConfigurationError, match=message):
+        GRASSES.add(write(tmp_path, "mine", lines + file.read_text()))
+
+
 def test_name_in_use_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"the name 'oak' is already used by .*oak\.yaml"):
         TREES.add(write(tmp_path, "oak", EXAMPLES["rowan"]))

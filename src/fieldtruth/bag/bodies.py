@@ -3,7 +3,6 @@
 """What moves in a run beside its own robot, as bodies for ray tracers, which are where the bag has them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
 
 import numpy as np
 
@@ -15,15 +14,13 @@ from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import wxyz_from_xyzw
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.experiment.config import Experiment, RandomRouteConfig, geodetic_route, metres_from_route
 from fieldtruth.sense.leaning import plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.world.model import World
-
-_STRIDE: Final = 10
-"""Knots between two points of a robot's way."""
 
 
 def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody]]:
@@ -49,6 +46,8 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
 def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[PressedPlants]:
     """Return how the robots of a run press plants, by their poses in the bag; nothing if plants do not yield.
 
+    A random route is planned again.
+
     Raises:
         BagError: the bag is damaged, or lacks them.
     """
@@ -57,9 +56,19 @@ def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[Pressed
     rigs = {name: experiment.of_robot(name).rig for name in experiment.robots} or {table.ROBOT: experiment.rig}
     poses = {name: KnotPoses() for name in rigs}
     _read(run, poses, [])
-    ways = [each(np.arange(0, len(each), _STRIDE) * KNOT_NS)[:, :2, 3] for each in poses.values()]
+    names = experiment.robots or [None]
+    ways = [_way(world, experiment if name is None else experiment.of_robot(name)) for name in names]
     hulls = {name: (rig, poses[name]) for name, rig in rigs.items()}
     return [PressedPlants(world, plants_of(world), hulls, ways)]
+
+
+def _way(world: World, experiment: Experiment) -> Array:
+    """Corners (n, 2) [m] of the route that a robot drove, as planned: the plants near it are those of the recording."""
+    route = experiment.route
+    planned = isinstance(route, RandomRouteConfig)
+    return metres_from_route(
+        plan_route(world, experiment) if planned else geodetic_route(route, world.origin), world.origin
+    )
 
 
 def _read(run: BagFile, poses: Mapping[str, KnotPoses], further: Sequence[str]) -> list[Array]:

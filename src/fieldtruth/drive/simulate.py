@@ -430,6 +430,8 @@ class SimulatedRobot:
         self.steps = -round(settle_s / self._step_s)
         settled: Array = self.advance(STOP, -self.steps)[-1]
         self.work = 0.0
+        if self.stems is not None:
+            self.stems.work = 0.0
         return settled
 
     @property

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.bodies import with_bodies
+from fieldtruth.bag.bodies import leans_in, with_bodies
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -50,9 +50,10 @@ class Silhouette(NamedTuple):
 def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody], Leaning | None]:
     """Return the world of a run, bodies that move in it and plants that lean; raises as ``world_of_run``."""
     world, made = world_of_run(run), run.experiment
-    return (
-        (world, [], None) if made is None else (*with_bodies(world, run, made), leaning_of(made.wind, world, made.seed))
-    )
+    if made is None:
+        return world, [], None
+    world, bodies = with_bodies(world, run, made)
+    return world, bodies, leaning_of(made.wind, world, made.seed, *leans_in(world, run, made))
 
 
 class WholeObjects:

@@ -113,9 +113,12 @@ def push_stems(
     i1 = min(math.floor((qpos[0] + radius - x0) * per_metre), nx - 1)
     j0 = max(math.floor((qpos[1] - radius - y0) * per_metre), 0)
     j1 = min(math.floor((qpos[1] + radius - y0) * per_metre), ny - 1)
+    if i1 < i0 or j1 < j0:  # beyond the world's edge
+        force[:] = 0.0
+        return
     middle = 0.5 * (edges.front + edges.rear)
     for i in range(i0, i1 + 1):
-        for k in range(cells.first[i * ny + j0], cells.first[i * ny + j1 + 1] if j1 >= j0 else 0):
+        for k in range(cells.first[i * ny + j0], cells.first[i * ny + j1 + 1]):
             for axis in range(3):
                 d[axis] = stems[k, axis] - qpos[axis]
             for axis in range(3):

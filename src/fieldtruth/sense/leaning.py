@@ -31,16 +31,18 @@ from fieldtruth.core.classes import Label
 from fieldtruth.kernels.leaning import place_geometries, pose_plants
 from fieldtruth.sense.embree import RayScene
 from fieldtruth.world.model import LOOSE, Mesh, World
+from fieldtruth.world.stems import DEAD
 
 LEAN_KNOT_NS: Final = 100_000_000
 """Time [ns] between two knots of plants."""
 BUNCH: Final = 0.25
 """Side [m] of the squares, in the frame of a clump, whose stems lean together."""
+_SUNK: Final = 1e-3
+"""Depth [m] from which on a plant is crushed, and moved by nothing else."""
 WHOLE: Final = -1
 """Number of a bunch that is the whole plant."""
 _WIDEST: Final = 0.4  # [m] between roots of stems that are one bunch
 _TUFT: Final = 0.3  # [m], at most between two stems of one tuft
-_DEAD: Final = frozenset({"bark_torn", "bark_dead"})
 _GREEN: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.TRUNK})
 
 
@@ -66,7 +68,11 @@ class Plants(NamedTuple):
 
 
 class Lean(Protocol):
-    """A cause by which plants lean, such as wind: a pure function of plant and time."""
+    """A cause by which plants lean, such as wind: a pure function of plant and time.
+
+    A cause that begins again, because another drive begins, counts that in ``version``; without one it never does. One
+    that ``holds`` plants, such as a hull, has there the lean [rad] at which no other cause moves them any more.
+    """
 
     @property
     def rows(self) -> Index:
@@ -83,7 +89,11 @@ class Lean(Protocol):
 
 
 class Leaning:
-    """Plants of a world and what makes them lean; vectors of several causes are added."""
+    """Plants of a world and what makes them lean.
+
+    Vectors of several causes are added. Those of the others shrink with the lean of a cause that holds the plant, to
+    nothing at the lean ``holds``, or where the plant is crushed: wind does not turn what lies below a hull.
+    """
 
     def __init__(self, plants: Plants, causes: Sequence[Lean]) -> None:
         self.plants, self.causes = plants, tuple(causes)
@@ -96,12 +106,21 @@ class Leaning:
     def vectors(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
         """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
         total = np.zeros((len(knots_ns), len(rows), 3))
-        for cause in self.causes:
+        for cause in sorted(self.causes, key=_holds):  # those that hold come last
             own = np.isin(rows, cause.rows)
             if own.any():
                 found = cause(rows[own], knots_ns)
+                if (most := _holds(cause)) > 0.0:
+                    share = np.maximum(1.0 - np.linalg.norm(found[..., :2], axis=-1) / most, 0.0)
+                    share *= np.maximum(1.0 - found[..., 2:].sum(axis=-1) / _SUNK, 0.0)
+                    total[:, own] *= share[..., None]
                 total[:, own, : found.shape[-1]] += found
         return total
+
+    @property
+    def version(self) -> tuple[int, ...]:
+        """What changes when a cause begins again."""
+        return tuple(getattr(cause, "version", 0) for cause in self.causes)
 
     def poses(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
         """Matrices (k, n, 3, 4) world_from_object of plants (n,) at knots (k,) [ns]."""
@@ -120,6 +139,11 @@ class Leaning:
             return poses[begin]
         share = (rest / LEAN_KNOT_NS)[:, None, None, None]
         return np.asarray(poses[begin] + share * (poses[end] - poses[begin]))
+
+
+def _holds(cause: Lean) -> float:
+    """Lean [rad] by which a cause holds plants wholly; 0 of one that does not."""
+    return float(getattr(cause, "holds", 0.0))
 
 
 class LeantScene(NamedTuple):
@@ -159,7 +183,7 @@ class TracedPlants:
 
     def at(self, stamps_ns: NDArray[np.int64]) -> LeantScene:
         """Return the plants at knots (k,) [ns] that follow one another, or at one stamp."""
-        key = tuple(stamps_ns.tolist())
+        key = *self.leaning.version, *stamps_ns.tolist()
         if (known := self._made.get(key)) is not None:
             return known
         poses = self.leaning.at(self.leaning.rows, stamps_ns)
@@ -234,7 +258,7 @@ def plants_of(world: World) -> Plants:
 def _is_living(world: World, mesh: Mesh) -> bool:
     """Return whether a mesh is of a plant that grows."""
     labels = {world.materials[name].label for name in mesh.materials}
-    return bool(mesh.species) and not _DEAD & set(mesh.materials) and bool(_GREEN & labels)
+    return bool(mesh.species) and not DEAD & set(mesh.materials) and bool(_GREEN & labels)
 
 
 def feet_of(mesh: Mesh, *, whole: bool = False) -> Array:

@@ -75,6 +75,11 @@ class PressedPlants:
     Plants lean within REACH of ``ways``, corners (m, 2) [m] of lines. Threads may share it.
     """
 
+    holds: Final = FLAT
+    """Lean [rad] of plants that no other cause, such as wind, moves; see ``leaning.Lean``."""
+    version = 0
+    """Number of drives that began."""
+
     def __init__(
         self,
         world: World,
@@ -98,18 +103,11 @@ class PressedPlants:
         self.restart()
 
     def restart(self) -> None:
-        """Let all plants stand, at time 0. Set ``end_ns`` to the stamp from which on the robots stand."""
+        """Let all plants stand, at time 0, for other poses. Set ``end_ns`` to the stamp from which the robots stand."""
+        self.version += 1
         self._known = 0  # knots that are known, beside that at time 0
         self._pressed: dict[int, list[int]] = defaultdict(list)
         self._leans: dict[int, list[Array]] = defaultdict(list)
-        self.end_ns = _NEVER
-
-    def go_back(self, stamp_ns: int) -> None:
-        """Forget what follows from poses after a stamp [ns]."""
-        self._known = min(self._known, stamp_ns // LEAN_KNOT_NS + 1)
-        for row, knots in self._pressed.items():
-            kept = int(np.searchsorted(knots, self._known, side="right"))
-            del knots[kept:], self._leans[row][kept:]
         self.end_ns = _NEVER
 
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:

@@ -28,7 +28,7 @@ from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig, metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.leaning import plants_of
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
@@ -119,11 +119,11 @@ class Company:
         Raises:
             ConfigurationError: an actor cannot begin where it should.
         """
-        for each in self.leans:
-            each.restart()
         if self.cast is not None:
             planned = (self.experiments[name].model_copy(update={"route": route}) for name, route in routes.items())
             self._begin([expected_path(made, self.world)[:, :2] for made in planned])
+        for each in self.leans:
+            each.restart()
 
     def _begin(self, ways: Sequence[Array]) -> None:
         assert self.cast is not None
@@ -136,6 +136,7 @@ class Company:
 
     def forget(self, before_ns: int) -> None:
         """Forget the motion of all that no stamp from this one [ns] on needs."""
+        before_ns -= LEAN_KNOT_NS  # an interval with plants begins at their knot
         if not self.leans:  # they follow from all poses
             for poses in self.poses.values():
                 poses.forget(before_ns)
@@ -165,17 +166,19 @@ class Company:
 
     def save(self) -> Any:
         """Return what ``restore`` needs to go on from here."""
-        return None if self.cast is None else self.cast.save(), {name: each.save() for name, each in self.poses.items()}
+        poses = {name: each.save() for name, each in self.poses.items()}
+        return None if self.cast is None else self.cast.save(), poses, [each.end_ns for each in self.leans]
 
     def restore(self, saved: Any) -> None:
         """Go on from where ``save`` was called, in this company or another of the same experiment."""
-        cast, poses = saved
+        cast, poses, ends = saved
         if self.cast is not None:
             self.cast.restore(cast)
         for name, each in self.poses.items():
             each.restore(poses[name])
-        for pressed in self.leans:
-            pressed.go_back((min(map(len, self.poses.values())) - 1) * KNOT_NS)
+        for pressed, end_ns in zip(self.leans, ends, strict=True):
+            pressed.restart()  # leans follow from all poses, which may be of another drive than those found so far
+            pressed.end_ns = end_ns
 
     def _states(self, stamp_ns: int) -> list[RobotState]:
         """Return where the robots are at a knot [ns], and how fast."""

@@ -278,9 +278,11 @@ class ReferenceTracer:
         instants, instant = np.unique(stamps[rays], return_inverse=True)
         begin, end = instants.min() // LEAN_KNOT_NS, -(-instants.max() // LEAN_KNOT_NS)
         leans = leaning.vectors(leaning.rows, np.arange(begin, end + 1) * LEAN_KNOT_NS)
-        most, found = np.linalg.norm(leans, axis=-1).max(axis=0), list[Hits]()
+        most, sunk = np.linalg.norm(leans[..., :2], axis=-1).max(axis=0), leans[..., 2].max(axis=0)
+        found = list[Hits]()
         for key, (rows, placed, radius) in self._leant.items():
-            away = (most[np.searchsorted(leaning.rows, rows)] * radius)[:, None]  # an arc is longer than its chord
+            own = np.searchsorted(leaning.rows, rows)
+            away = (most[own] * radius + sunk[own])[:, None]  # an arc is longer than its chord
             low, high = placed.low - away, placed.high + away
             near = near_all(low, high, start[:, None], ahead[:, None], limit[:, None])
             ray, row = np.nonzero(meets(low[near], high[near], start[:, None], ahead[:, None], limit[:, None]))

@@ -24,6 +24,10 @@ CELL: Final = 0.5
 """Side [m] of the squares by which stems are found."""
 _ROWS: Final = {"flexible": 12, "passable": 4}
 """Rows for the stems of a tuft or bush at most; each row stands for as many stems."""
+DEAD: Final = frozenset({"bark_torn", "bark_dead"})
+"""Materials of dead wood, whose meshes have the species that it was."""
+_STOOLS: Final[list[list[str]]] = [[], ["cylinder"]]
+"""Shapes of the colliders of bushes that can yield."""
 _TURN: Final = np.radians(137.5)
 
 
@@ -45,7 +49,12 @@ def species_of(mesh: Mesh) -> list[Species | GrassSpecies | None]:
 
 
 def yields_of(mesh: Mesh) -> Yields:
-    """Return what a mesh does to a robot; of a clump of several species, what the stiffest of them does."""
+    """Return what a mesh does to a robot; of a clump of several species, what the stiffest of them does.
+
+    Dead wood is as its colliders are, and so is a bush with others than one cylinder, in which its stems would stand.
+    """
+    if mesh.tufts is None and (DEAD & set(mesh.materials) or [each.shape for each in mesh.colliders] not in _STOOLS):
+        return "solid" if mesh.colliders else "passable"
     found = [each.yields for each in species_of(mesh) if each is not None]
     ranks: tuple[Yields, ...] = ("solid", "flexible", "passable")
     return next((rank for rank in ranks if rank in found), "passable" if mesh.passable else "solid")

@@ -433,7 +433,12 @@ def _merged(base: Any, changes: Any) -> Any:
 
 
 def _grass(name: str, content: Entry, path: Path) -> GrassSpecies:
-    return validated(GrassSpecies, {"name": name, **content}, str(path))
+    species = validated(GrassSpecies, {"name": name, **content}, str(path))
+    if species.yields == "solid":
+        raise ConfigurationError(f"{path}: yields must be flexible or passable of a grass, which has no collider")
+    if species.yields == "flexible" and species.stems is None:
+        raise ConfigurationError(f"{path}: a grass that is flexible needs stems")
+    return species
 
 
 def _materials(species: Species) -> list[str | None]:
