@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``validate`` of maps: they pass as they were written, and one flipped cell of each kind of layer is found."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +14,12 @@ import rasterio
 from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
-from fieldtruth import cli
+from fieldtruth import cli, world_maps
+from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import MapOptions, export
 from fieldtruth.local_maps import LocalMaps, check
 from fieldtruth.local_maps.check import validate_map
-from fieldtruth.validation import Check
+from fieldtruth.validation import Check, runner
 from fieldtruth.world import build
 from fieldtruth.world.model import World
 from fieldtruth.world_maps import map_layers, write_map
@@ -151,6 +153,52 @@ def test_maps_around_the_robot_are_checked_with_their_run(
         wrong = result(maps, "local maps")
         assert wrong.passed is False, name
         assert f"first {path.name}, {name}, cell" in wrong.text
+    (maps / "notes.npz").write_bytes(b"a note")  # of no stamp, and so not looked at
+    np.savez(path, allow_pickle=False, **{**good, "ground": np.array(["a", "b"])})
+    assert f"first {path.name}, ground, which is <U1 (2,), expected float32 (30, 30)" in result(maps, "local maps").text
+    whole = path.read_bytes()
+    for damaged in (b"", b"no archive", whole[: len(whole) // 2]):
+        path.write_bytes(damaged)
+        assert f"first {path.name}, which is damaged" in result(maps, "local maps").text
+    path.rename(maps / "5.npz")
+    assert "first 5.npz, at whose stamp there is no frame" in result(maps, "local maps").text
+    (maps / "5.npz").unlink()
+    assert f"first {path.name}, which is missing" in result(maps, "local maps").text
+    for each in maps.glob("*.npz"):
+        each.unlink()
+    assert result(maps, "local maps").passed is False
+    capsys.readouterr()
+    (maps / "map.yaml").write_text("side: wide")
+    assert cli.main(["validate", str(maps)]) == 2
+    monkeypatch.setattr(runner, "validate", lambda *_, **__: [Check("bag", True, "whole")])
+    assert cli.main(["validate", str(run)]) == 1  # with the checks of the run
+    lines = capsys.readouterr().out.splitlines()
+    assert re.match("pass +bag +whole$", lines[0])
+    assert re.match(r"FAIL +local maps +.*map\.yaml does not describe maps around a robot$", lines[-2])
+
+
+def test_map_of_a_site_is_made_in_its_world(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its name is that of the file, which may be gone: the layout has all that the file said."""
+    layout = {"name": "campus", "centre": [50.0, 8.0]}
+    campus, asked = replace(world, name="campus", layout=layout), list[Any]()
+
+    def load_world(*given: Any) -> World:
+        asked.append(given)
+        return campus
+
+    monkeypatch.setattr(build, "load_world", load_world)
+    for to, out in (("npz", "a.npz"), ("geotiff", "a")):
+        path = write_map(campus, tmp_path / out, to=to, resolution=0.1, layers=["ground"], workers=1)
+        assert result(path).passed
+    assert asked == [("site", 0, layout)] * 2
+
+
+def test_geotiffs_without_their_library_are_refused_in_one_line(
+    written: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(world_maps, "find_spec", lambda name: None)
+    with pytest.raises(OutputError, match=r"^geotiff needs a library .* run: pip install 'fieldtruth\[maps\]'$"):
+        validate_map(written["geotiff"])
 
 
 def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps around the robot as topics, in WebDataset and in Parquet, read back by libraries that are not ours."""
 
+import gc
+import shutil
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +13,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
+from pyarrow import parquet
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag1
 
-from fieldtruth.exporters import MapOptions, export
+from fieldtruth.exporters import MapOptions, export, local_maps
 from fieldtruth.local_maps import LocalMap, LocalMaps
 
 pytestmark = pytest.mark.usefixtures("in_park")
@@ -101,3 +105,27 @@ def test_a_table_of_maps_is_read_by_datasets(
             np.testing.assert_array_equal(np.array(row[name], values.dtype).reshape(N, N), values, name)
         np.testing.assert_array_equal(np.reshape(row["world_from_base"], (4, 4)), made.world_from_base)
     assert "### maps" in (folder / "README.md").read_text()
+
+
+def test_maps_of_one_cell_are_lists_and_one_run_is_mapped_at_a_time(
+    brief_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alive = weakref.WeakSet[LocalMaps]()
+
+    class Watched(LocalMaps):
+        def __init__(self, *given: Any, **named: Any) -> None:
+            gc.collect()
+            assert not alive, "the maps of the run before are in memory"
+            super().__init__(*given, **named)
+            alive.add(self)
+
+    monkeypatch.setattr(local_maps, "LocalMaps", Watched)
+    runs = [shutil.copytree(brief_run, tmp_path / name) for name in ("a", "b")]
+    one = MapOptions(side=0.25, resolution=0.25, layers=["ground", "free"])
+    folder = export(runs, "huggingface", out=tmp_path / "hf", workers=1, maps=one)
+    (path,) = (folder / "maps").glob("*.parquet")
+    rows = parquet.read_table(path).to_pylist()
+    assert len({row["run"] for row in rows}) == 2
+    assert {(len(row["ground"]), len(row["free"])) for row in rows} == {(1, 1)}
+    assert isinstance(rows[0]["x0"], float)
+    export(runs, "webdataset", out=tmp_path / "wds", workers=1, maps=one)

@@ -10,6 +10,7 @@ from typing import Final
 from fieldtruth.cli.arguments import UsageError, chosen
 from fieldtruth.cli.generation import warn_of_missing
 from fieldtruth.cli.terminal import print_output
+from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import show_progress
 from fieldtruth.experiment.environment_file import world_name
 
@@ -90,7 +91,13 @@ def _validate(options: argparse.Namespace) -> int:
             checks = list[Check]()
             if maps != [path]:
                 checks += validate(path, quick=options.quick, full=options.full, samples=options.samples, **own)
-            checks += [check for each in maps for check in validate_map(each, **own)]
+            for each in maps:
+                try:
+                    checks += validate_map(each, **own)
+                except FieldtruthError as error:
+                    if maps == [path]:
+                        raise
+                    checks.append(Check("local maps", False, str(error)))  # beside those of the run
         heading = f"{path}:\n" * bool(robots and not options.json)
         print(heading + (as_json(checks) if options.json else as_text(checks)))
         failed |= any(check.passed is False for check in checks)

@@ -40,8 +40,9 @@ from fieldtruth.exporters.frames import (
 from fieldtruth.exporters.huggingface_card import CARD, CROISSANT, Column, Table, Written, card_text, croissant_text
 from fieldtruth.exporters.image_files import encode_tiff
 from fieldtruth.exporters.local_maps import local_maps_of
-from fieldtruth.local_maps import LocalMaps
+from fieldtruth.local_maps import layers_of
 from fieldtruth.ontology import LabelMap
+from fieldtruth.world_maps.layers import Layer
 
 _Row = tuple[dict[str, Any], int]
 """Values by column, and their size [byte]."""
@@ -71,11 +72,11 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         require_frames(run, clouds=True)
         sources = [*run.of(Image), *run.of(Cloud)]
         run.streams([topic for each in sources for topic in each.topics.values() if topic in run.counts])  # in one pass
-    tables, maps = [], dict(local_maps_of(options))
+    tables: list[Table] = []
     contents: list[tuple[str, tuple[Column, ...], Callable[[Member], Iterator[_Row]]]] = [
         ("images", _image_columns(members), lambda member: _rows(member, "images", Image, options)),
         ("clouds", _cloud_columns(members), lambda member: _rows(member, "clouds", Cloud, options)),
-        ("maps", _map_columns(maps), lambda member: _map_rows(member, maps[member.name], options)),
+        ("maps", _map_columns(options), lambda member: _map_rows(member, options)),
     ]
     for name, columns, rows_of in contents:
         splits: dict[str, Written] = {}
@@ -178,21 +179,25 @@ def _cloud_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
     return [(row | {"stamp_ns": frame.stamp_ns} | _flat(cloud_about(frame, sensor), "cloud"), size)]
 
 
-def _map_columns(maps: Mapping[str, LocalMaps]) -> tuple[Column, ...]:
+def _map_columns(options: Options) -> tuple[Column, ...]:
     """Columns of maps around the robot; nothing without maps."""
-    rows = {name: made.rows[name] for made in maps.values() for name in made.names}
+    given, rows = options.maps.given(), dict[str, Layer]()
+    for member in options.members if given else ():
+        rows |= layers_of(member.run, **given)
     kinds = {name: f"{np.dtype(row.dtype).name}[]" for name, row in rows.items()}
     units = {name: f" [{row.unit}]" if row.unit else "" for name, row in rows.items()}
     abouts = {name: f"{row.description}{units[name]}; (n, n), row by row" for name, row in rows.items()}
     return (*(Column(name, kinds[name], abouts[name]) for name in rows), *(_COLUMNS["map"] if rows else ()))
 
 
-def _map_rows(member: Member, maps: LocalMaps, options: Options) -> Iterator[_Row]:
-    """Rows of a run's maps around the robot, in time order."""
+def _map_rows(member: Member, options: Options) -> Iterator[_Row]:
+    """Rows of a run's maps around the robot, in time order; the maps of one run are in memory at a time."""
+    maps = local_maps_of(member.run, options)
+    assert maps is not None
 
     def encode(i: int) -> _Row:
-        made = {name: values.ravel() for name, values in maps[i].arrays.items()}
-        row = {name: values if len(values) > 1 else values[0].item() for name, values in made.items()}
+        made = maps[i].arrays
+        row = {name: values.ravel() if values.ndim else values.item() for name, values in made.items()}
         return {**row, "run": member.name}, sum(values.nbytes for values in made.values())
 
     return options.each(f"{member.name}: maps", member.run, range(len(maps)), encode)

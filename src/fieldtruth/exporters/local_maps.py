@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export the maps around the robot: an NPZ file for each cloud, and what the layers are in ``map.yaml``."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,10 @@ from fieldtruth.local_maps import LocalMaps
 from fieldtruth.world_maps.files import ABOUT
 
 
-def local_maps_of(options: Options) -> Iterator[tuple[str, LocalMaps]]:
-    """Yield name and maps of each run of a data set that is to have maps: of which an option of maps is given."""
+def local_maps_of(run: Run, options: Options) -> LocalMaps | None:
+    """Make the maps of a run of a data set, if it is to have maps: if an option of maps is given."""
     given = options.maps.given()
-    for member in options.members if given else ():
-        yield member.name, LocalMaps(member.run, **given, workers=options.workers, progress=options.progress)
+    return LocalMaps(run, **given, workers=options.workers, progress=options.progress) if given else None
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:

@@ -68,25 +68,43 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     labels = options.labels
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
-    maps = dict(local_maps_of(options))
     names = sorted(
         {name for own in contents.values() for name in own}, key=lambda name: (name.startswith("clouds"), name)
     )
     shards: list[dict[str, Any]] = []
-    for split, name in ((split, name) for split in SPLITS for name in names):
-        with _Shards(target, split if name == "frames" else f"{name}-{split}", options.shard_bytes) as files:
+    for split in SPLITS:
+        prefixes = {name: split if name == "frames" else f"{name}-{split}" for name in names}
+        files = {name: _Shards(target, prefixes[name], options.shard_bytes) for name in names}
+        with ExitStack() as opened:
+            for each in files.values():
+                opened.enter_context(each)
             for member in options.members:
-                if member.split == split and name in contents[member.name]:
-                    frames = Frames(member.run, labels, *contents[member.name][name])
-                    described[member.name][name] = len(frames)
-                    for sample in _samples(member, frames, name, options, maps.get(member.name)):
-                        files.add(sample)
-        shards += [{"url": url, "split": split, "content": name, "samples": n} for url, n in files.samples.items()]
+                if member.split == split:
+                    _write_run(member, contents[member.name], files, described[member.name], options)
+        for name, each in files.items():
+            shards += [{"url": url, "split": split, "content": name, "samples": n} for url, n in each.samples.items()]
     with options.progress.stage("checksums"):
         for shard in shards:
             path = target / shard["url"]
             shard |= {"bytes": path.stat().st_size, "sha256": sha256_of(path)}
     (target / DATASET).write_text(_text(labels, list(described.values()), shards), encoding="utf-8")
+
+
+def _write_run(
+    member: Member,
+    contents: Mapping[str, Content],
+    files: Mapping[str, "_Shards"],
+    row: dict[str, Any],
+    options: Options,
+) -> None:
+    """Add the samples of a run, whose maps alone are in memory, to the files of its split; count them in its row."""
+    maps = local_maps_of(member.run, options)
+    for name in files:
+        if name in contents:
+            frames = Frames(member.run, options.labels, *contents[name])
+            row[name] = len(frames)
+            for sample in _samples(member, frames, name, options, maps):
+                files[name].add(sample)
 
 
 def _contents(run: Run) -> dict[str, Content]:

@@ -125,7 +125,7 @@ class LocalMaps:
         progress = progress or Silent()
         self._trajectory, self.stamps_ns = self.run.trajectory, _stamps_of(self.run)
         costs = None if cost is None else read_costs(Path(cost))
-        self.rows = {**LAYERS, **OWN, **({} if costs is None else costs.rows)}
+        self.rows = _rows_of(costs)
         """What the layers are that may be asked for, by name."""
         self.names = _checked_names(layers, self.rows, self.run, resolution)
         """Names of the layers of a map."""
@@ -244,6 +244,19 @@ class LocalMaps:
                     before = cloud.stamp_ns
 
 
+def layers_of(
+    run: Run,
+    *,
+    side: float = SIDE,
+    resolution: float = RESOLUTION,
+    layers: Sequence[str] | None = None,
+    cost: Path | str | None = None,
+) -> dict[str, Layer]:
+    """Return the layers of the maps of a run by name, before any work; arguments and errors as ``LocalMaps``."""
+    rows = _rows_of(None if cost is None else read_costs(Path(cost)))
+    return {name: rows[name] for name in _checked_names(layers, rows, run, resolution)}
+
+
 def world_of_run(run: Run) -> World:
     """Return the world of a run.
 
@@ -268,6 +281,10 @@ def world_rays(cloud: Cloud, trajectory: Trajectory, base_from_sensor: Array) ->
         pose = trajectory.world_from_base(stamp) @ base_from_sensor
         ends[rows], origins[rows] = transforms.transform(pose, cloud.xyz[rows].astype(np.float64)), pose[:3, 3]
     return origins, ends
+
+
+def _rows_of(costs: CostMap | None) -> dict[str, Layer]:
+    return {**LAYERS, **OWN, **({} if costs is None else costs.rows)}
 
 
 def _none_of(values: NDArray[Any]) -> Any:

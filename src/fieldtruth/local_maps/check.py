@@ -22,12 +22,13 @@ from fieldtruth.core.arrays import Index, Mask
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import check_memory, cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.experiment.environment_file import environment_of
 from fieldtruth.local_maps import OWN, LocalMaps
 from fieldtruth.local_maps.rays import HEIGHTS, wrong_heights
 from fieldtruth.validation.check import Check, Count, Rule, Spec, Tally
 from fieldtruth.world import build
 from fieldtruth.world.model import World
-from fieldtruth.world_maps import map_layers
+from fieldtruth.world_maps import check_library, map_layers
 from fieldtruth.world_maps.files import ABOUT, NAMES_TOPIC, TOPIC, identity
 from fieldtruth.world_maps.layers import LAYERS, Grid
 
@@ -44,6 +45,8 @@ _SQUARE: Final = 128
 _CLOSE: Final = 1e-4  # [m], or share, by which another processor may round
 _TEXT: Final = re.compile(r"(.+) with seed (\d+), ")
 _SHAPE: Final = 2  # dimensions of a layer
+_NUMBERS: Final = "biuf"  # kinds of their values
+_DAMAGED: Final = (LookupError, TypeError, ValueError, OSError, EOFError, StopIteration, zipfile.BadZipFile, zlib.error)
 Values = Mapping[str, NDArray[Any]]
 
 
@@ -88,14 +91,14 @@ def validate_map(path: Path | str, *, workers: int | None = None, progress: Prog
     Raises:
         ConfigurationError: no such map, or one that does not say what its world is.
         BagError: the run of maps around a robot is missing.
-        OutputError: not enough memory.
+        OutputError: not enough memory, or no library that reads GeoTIFFs.
     """
     path, workers, progress = Path(path), workers or cpu_count(), progress or Silent()
-    if path.is_dir() and any(each.stem.isdecimal() for each in path.glob("*.npz")):
+    if path.is_dir() and (path.name.endswith(SUFFIX) or _stamped(path)):
         return _check_local(path, open_run(path.resolve().parent), workers, progress)
     stored = _read(path)
     with progress.stage("build the world"):
-        world = build.load_world(stored.name, stored.seed, stored.layout)
+        world = build.load_world(environment_of(stored.name, stored.layout), stored.seed, stored.layout)
     if stored.identity and identity(world) != stored.identity:
         raise ConfigurationError(f"{path} is of {stored.identity}, which is built otherwise now: {identity(world)}")
     tallies, (rows, columns) = [Tally(MAP), Tally(HEIGHT_RAYS)], stored.grid.shape
@@ -114,15 +117,25 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
     """Make all maps around the robot again but what follows from a map of costs, which has a check of its own."""
     try:
         about = yaml.safe_load((folder / ABOUT).read_text(encoding="utf-8"))
-        side, resolution, names = about["side"], about["resolution"], [str(name) for name in about["layers"]]
-    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        side, resolution = float(about["side"]), float(about["resolution"])
+        names = [str(name) for name in about["layers"]]
+    except (*_DAMAGED, yaml.YAMLError) as error:
         raise ConfigurationError(f"{folder / ABOUT} does not describe maps around a robot") from error
     has_costs = any(name not in LAYERS and name not in OWN for name in names)
     own = [name for name in names if name in LAYERS or (name in OWN and not (has_costs and name == "free"))]
     maps = LocalMaps(run, side=side, resolution=resolution, layers=own, workers=workers, progress=progress)
     tally, rays, world = Tally(LOCAL), Tally(HEIGHT_RAYS), local_maps.world_of_run(run)
-    for path in sorted(folder.glob("*.npz")):
-        stored, made = _arrays(path), maps.at(int(path.stem))
+    stamps, found = maps.stamps_ns.tolist(), _stamped(folder)
+    for path in sorted(path for stamp, path in found.items() if stamp not in stamps):
+        tally[SAME_CELLS].add(1, 1, f"{path.name}, at whose stamp there is no frame")
+    for stamp in stamps:
+        path, made = folder / f"{stamp}.npz", maps.at(stamp)
+        try:
+            stored = _arrays(path)
+        except _DAMAGED:
+            what = "is damaged" if path.exists() else "is missing"
+            tally[SAME_CELLS].add(1, 1, f"{path.name}, which {what}")
+            continue
         due: dict[str, NDArray[Any]] = {**made.layers, "world_from_base": made.world_from_base}
         if not has_costs:
             due |= {"free_distance": made.free_distance, "free_polygon": made.free_polygon}
@@ -133,11 +146,16 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
     return [tally.result(), rays.result()]
 
 
+def _stamped(folder: Path) -> dict[int, Path]:
+    """Return the files of a folder that are named as maps around a robot, by their stamps [ns]."""
+    return {int(path.stem): path for path in folder.glob("*.npz") if path.stem.isdecimal()}
+
+
 def _compare(count: Count, where: str, values: NDArray[Any] | None, due: NDArray[Any]) -> None:
     """Count the cells of a layer."""
-    if values is None or values.shape != due.shape:
-        found_shape = () if values is None else values.shape
-        count.add(due.size, due.size, f"{where}, whose shape is {found_shape}, expected {due.shape}")
+    if values is None or values.dtype.kind not in _NUMBERS or values.shape != due.shape:
+        found_as = "missing" if values is None else f"{values.dtype} {values.shape}"
+        count.add(due.size, due.size, f"{where}, which is {found_as}, expected {due.dtype} {due.shape}")
         return
     with np.errstate(invalid="ignore"):
         same: Mask = np.isclose(values, due, _CLOSE, _CLOSE, equal_nan=True) if due.dtype.kind == "f" else values == due
@@ -153,6 +171,8 @@ def _trace(count: Count, world: World, grid: Grid, layers: Values, rays: int = R
     needed = [*HEIGHTS, *(f"{name}_class" for name in HEIGHTS), *(f"{name}_instance" for name in HEIGHTS[1:])]
     if not {*needed} <= layers.keys():
         return
+    if any(layers[name].dtype.kind not in _NUMBERS or layers[name].shape != grid.shape for name in needed):
+        return  # which the other check says
     rng = np.random.default_rng(zlib.crc32(np.ascontiguousarray(layers["ground"]).tobytes()[:4096]))
     start = [int(rng.integers(max(1, n - _SQUARE + 1))) for n in grid.shape]
     square = tuple(slice(a, a + _SQUARE) for a in start)
@@ -167,7 +187,7 @@ def _read(path: Path) -> StoredMap:
     """Read a map of a world; raises ConfigurationError."""
     try:
         return _READERS["" if path.is_dir() else path.suffix](path)
-    except (KeyError, TypeError, ValueError, OSError, StopIteration, zipfile.BadZipFile, yaml.YAMLError) as error:
+    except (*_DAMAGED, yaml.YAMLError) as error:
         text = "is no map that says what its world is; `fieldtruth map` writes them as geotiff, grid_map and npz"
         raise ConfigurationError(f"{path} {text}") from error
 
@@ -183,7 +203,7 @@ def _read_npz(path: Path) -> StoredMap:
     x0, y0, resolution = (float(found[key]) for key in ("x0", "y0", "resolution"))
     grid = Grid(x0, y0, resolution, (int(shape[0]), int(shape[1])))
     named = _TEXT.match(text := str(found["world"]))
-    layout = json.loads(str(found.get("layout", "{}")))
+    layout = dict(json.loads(str(found.get("layout", "{}"))))
     layers = {name: values for name, values in found.items() if name in LAYERS}
     return StoredMap(grid, layers, named[1], int(named[2]), layout, text)  # type: ignore[index]
 
@@ -192,13 +212,14 @@ def _of_about(about: Mapping[str, Any], layers: Callable[[Grid], Iterator[tuple[
     grid, world = about["grid"], about["world"]
     made = Grid(grid["x0"], grid["y0"], grid["resolution"], (grid["shape"][0], grid["shape"][1]))
     found = {name: values.astype(LAYERS[name].dtype) for name, values in layers(made) if name in LAYERS}
-    return StoredMap(made, found, world["name"], world["seed"], world.get("layout", {}))
+    return StoredMap(made, found, str(world["name"]), int(world["seed"]), dict(world.get("layout", {})))
 
 
 def _read_folder(path: Path) -> StoredMap:
-    import rasterio
-
     def layers(grid: Grid) -> Iterator[tuple[str, NDArray[Any]]]:
+        check_library("geotiff")
+        import rasterio
+
         for each in sorted(path.glob("*.tif")):
             with rasterio.open(each) as file:
                 yield each.stem, file.read(1)[::-1, ::-1]

@@ -102,13 +102,19 @@ def check_map(stem: str, out: Path | str | None = None, *, to: str, overwrite: b
     """Return the path of the output, before any work; raises as ``write_map``."""
     if to not in FORMATS:
         raise UnknownNameError("format", to, FORMATS)
-    suffix, library = FORMATS[to].suffix, FORMATS[to].library
+    suffix = FORMATS[to].suffix
     target = output_path(stem + suffix if out is None else out, single="." in suffix, overwrite=overwrite)
     if target.is_dir() and not ((target / ABOUT).is_file() and all(each.suffix in _OWN for each in target.iterdir())):
         raise OutputError(f"{target} is a folder that holds no map, or more than a map; choose another --out")
+    check_library(to)
+    return target
+
+
+def check_library(to: str) -> None:
+    """Raise OutputError if the library of a format is not installed."""
+    library = FORMATS[to].library
     if library and find_spec(library) is None:
         raise OutputError(f"{to} needs a library that is not installed; run: pip install 'fieldtruth[maps]'")
-    return target
 
 
 def check_layers(layers: Sequence[str] | None, resolution: float, to: str) -> list[str]:
