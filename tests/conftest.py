@@ -268,14 +268,14 @@ def bag(small_run: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def short(bag: Path, once: Once) -> Path:
+def short(small_run: Path, once: Once) -> Path:
     """Bag with the first six images of each camera."""
     from export_bags import copied
 
     def begin(topic: str, stamp: int, data: bytes) -> bytes | None:
         return data if stamp <= 240_000_000 else None
 
-    return once("short", lambda folder: copied(bag, folder / "a.bag", begin)) / "a.bag"
+    return once("short", lambda folder: copied(small_run / "park_1.bag", folder / "a.bag", begin)) / "a.bag"
 
 
 @pytest.fixture(scope="session")

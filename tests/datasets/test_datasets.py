@@ -19,7 +19,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample
 
-ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in ("normals", "flow"))  # which the small run lacks
+LACKING = ("normals", "flow", "parts", "part_mask")
+"""Items that the small run does not have."""
+ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in LACKING)
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
 Truth = dict[str, dict[int, Any]]
 
@@ -127,7 +129,7 @@ def test_every_item_of_every_frame_equals_the_bag_as_rosbags_reads_it(
 
 def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
     sample = RunDataset(small_run, ALL)[0]
-    assert sample.keys() == get_type_hints(Sample).keys() - {"normals", "flow"}
+    assert sample.keys() == get_type_hints(Sample).keys() - {*LACKING}
     wide, points = (92, 160), len(sample["cloud"])
     kinds = {
         "image": ("u1", (3, *wide)),

@@ -107,7 +107,8 @@ def test_there_is_ground_only_where_it_is_asked_for(tmp_path: Path) -> None:
     with_ground, without = ft.World.from_meshes([part], ground=-1.0), ft.World.from_meshes([part])
     down = np.array([[0.0, 0, -1]])
     hit = ft.Scene(with_ground).cast([[15.9, 15.9, 0.0]], down)
-    assert (hit.range_m[0], hit.label[0], hit.instance[0]) == (1.0, ft.Label.GROUND, GROUND_ID)
+    assert (hit.label[0], hit.instance[0]) == (ft.Label.GROUND, GROUND_ID)
+    assert hit.range_m[0] == pytest.approx(1.0, abs=1e-7)  # some processors give one last digit less
     save_world(tmp_path / "world.npz", without)
     for world in (without, read_world(tmp_path / "world.npz")):
         assert np.isinf(ft.Scene(world).cast([[0.0, 0, 9]], down).range_m)

@@ -46,7 +46,7 @@ def leaning(world: World, seed: int = 1, config: WindConfig = BLOWING) -> Leanin
 
 def series(world: World, row: int, count: int, seed: int = 1) -> F8:
     """Leans (count, 2) [rad] of a plant, every knot."""
-    return leaning(world, seed).vectors(np.array([row]), np.arange(count) * LEAN_KNOT_NS)[:, 0]
+    return leaning(world, seed).vectors(np.array([row]), np.arange(count) * LEAN_KNOT_NS)[:, 0, :2]
 
 
 def kaimal(hertz: F8, speed: float, scale: float) -> F8:

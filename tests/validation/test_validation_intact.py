@@ -18,6 +18,7 @@ from fieldtruth.validation import Check, as_json, as_text
 from fieldtruth.validation.__main__ import with_table
 from fieldtruth.validation.runner import validate
 
+MAPS = ["map", "local maps", "heights by rays"]
 NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "noise of LiDARs", "normals", "optical flow"]
 MOVING = "moving objects"
 """Of runs in which something moves beside the robot."""
@@ -151,5 +152,6 @@ def test_document_has_the_generated_table_of_checks() -> None:
         MOVING,
         "actors",
         *NOT_IDEAL,
+        *MAPS,
     ]
     assert text == with_table(text), "run: python -m fieldtruth.validation docs/validate.md"

@@ -19,6 +19,8 @@ from fieldtruth.world.grids import Line
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_route_of_each_builtin_experiment_is_in_a_corridor(name: str) -> None:
     experiment = load_experiment(name)
+    if experiment.plants.yielding:
+        return  # it drives through what stands in its way
     route = Line.through([(float(x), float(y)) for x, y in metres_from_route(experiment.route)], smooth=False)
     corridors = reserved_corridors(experiment.environment)
     distance = np.min([corridor.distance(route.points) for corridor in corridors], axis=0)
