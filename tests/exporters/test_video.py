@@ -5,12 +5,15 @@
 A camera sees a walker, whose script takes it across at 1.4 m/s; scans are at half the rate of the images.
 """
 
+import shutil
 from pathlib import Path
 from typing import Any, Final
 
+import av
 import cv2
 import numpy as np
 import pytest
+from export_bags import copied
 from numpy.typing import NDArray
 from PIL import Image
 from sense_worlds import make_world
@@ -114,6 +117,31 @@ def test_scan_is_the_last_one_that_began_and_has_boxes_of_what_moves(run: Run) -
     assert 20 < white.sum() < 300
     person = (np.abs(frames[1].astype(int) - PALETTE[Label.PERSON]) < 60).all(axis=-1)
     assert person.sum() > 10  # 17 at a distance of 12 m from the view
+
+
+def test_clouds_without_classes_and_scans_without_poses_are_not_drawn(run: Run, tmp_path: Path) -> None:
+    def unlabelled(topic: str, stamp: int, data: bytes) -> bytes:
+        return data.replace(b"label", b"lobel").replace(b"intensity", b"intensitx") if "points" in topic else data
+
+    def late(topic: str, stamp: int, data: bytes) -> bytes | None:
+        return None if topic in ("/ground_truth/odom", "/gazebo/model_states") and stamp < 300_000_000 else data
+
+    for name, change in (("plain", unlabelled), ("late", late)):
+        (tmp_path / name).mkdir()
+        copied(run.bag, tmp_path / name / run.bag.name, change)
+        shutil.copy(run.folder / "experiment.yaml", tmp_path / name)
+    frame = VideoFrames(open_run(tmp_path / "plain")).draw(3)
+    assert frame.shape == (HEIGHT + LINE + 1, 3 * WIDTH, 3)
+    drawn = VideoFrames(open_run(tmp_path / "late"))
+    assert (panel(drawn.draw(2), 1, 1) == NIGHT).all()  # a scan at 0.2 s, poses from 0.3 s on
+    assert np.array_equal(panel(drawn.draw(3), 1, 1), panel(VideoFrames(run).draw(3), 1, 1))
+
+
+def test_pyav_without_x264_is_refused_in_one_line(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(av, "codecs_available", {"mpeg4"})
+    with pytest.raises(OutputError, match=r"^PyAV is here without libx264; run: pip install .*'fieldtruth\[video\]'$"):
+        export(run.folder, "video", out=tmp_path / "out.mp4")
+    assert not list(tmp_path.iterdir())
 
 
 def test_sizes_are_reduced_to_a_largest_width(run: Run) -> None:

@@ -17,14 +17,17 @@ from fieldtruth.core.transforms import pose, transform
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.exporters import export
 from fieldtruth.exporters.frames import Member
-from fieldtruth.exporters.wild_places import Frames, pairs, seconds_of
+from fieldtruth.exporters.wild_places import Frames, _rows_of, pairs, seconds_of
 
 SECOND = 10**9
 
 
-def frames(name: str, xy_yaw: ArrayLike, seconds: ArrayLike, world: str = "forest") -> Frames:
+def frames(
+    name: str, xy_yaw: ArrayLike, seconds: ArrayLike, world: str = "forest", is_frames: bool = False, **layout: object
+) -> Frames:
     poses = np.array([pose((x, y, 0.5), (0.0, 0.0, np.degrees(yaw))) for x, y, yaw in np.asarray(xy_yaw, float)])
-    run = cast(Any, SimpleNamespace(experiment=SimpleNamespace(world_name=world, seed=3)))
+    made_by = SimpleNamespace(world_name=world, seed=3, layout=layout)
+    run = cast(Any, SimpleNamespace(is_frames=is_frames, experiment=made_by))
     stamps = (np.asarray(seconds) * SECOND).astype(np.int64)
     return Frames(Member(run, "train", name), np.arange(len(poses)), stamps, poses)
 
@@ -45,6 +48,23 @@ def test_a_run_meets_its_own_places_after_half_a_minute() -> None:
         ("0.000000000", "40.000000000"),
         ("40.000000000", "0.000000000"),
     ]
+
+
+def test_separate_frames_need_no_time_between_them() -> None:
+    run = frames("looks", [(0, 0, 0), (1, 0, 0), (9, 9, 0)], [1, 2, 3], is_frames=True)
+    assert [(row[1], row[3]) for row in pairs(run, run)] == [
+        ("1.000000000", "2.000000000"),
+        ("2.000000000", "1.000000000"),
+    ]
+
+
+def test_worlds_of_two_layouts_differ_but_not_those_of_two_seasons() -> None:
+    summer = frames("a", [(0, 0, 0)], [1], old_trees=3, size=(90, 90))
+    snow = frames("b", [(0, 0, 0)], [1], size=[90, 90], season="winter", drought=0.2, snow_depth=0.1, old_trees=3)
+    other = frames("c", [(0, 0, 0)], [1], size=[90, 90], old_trees=4)
+    assert len([*pairs(summer, snow)]) == 1
+    assert [*pairs(summer, other)] == []
+    assert [row[-1] for row in _rows_of([summer, other, snow])] == [0, 1, 0]
 
 
 def test_places_of_two_worlds_are_no_pairs() -> None:

@@ -17,9 +17,11 @@ from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTr
 
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Counts
+from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.video_frames import VideoFrames
 
+_ENCODER: Final = "libx264"
 _TICKS: Final = 90_000
 """Per second, of MP4's stamps."""
 _QUALITY: Final = {"crf": "23", "preset": "medium", "threads": "2"}
@@ -30,12 +32,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
     Raises:
         BagError: the run has no photographs, or is damaged.
+        OutputError: PyAV was built without x264.
     """
+    if _ENCODER not in av.codecs_available:
+        raise OutputError(f"PyAV is here without {_ENCODER}; run: pip install --force-reinstall 'fieldtruth[video]'")
     (run,) = runs
     frames = VideoFrames(run)
     ticks, lasts, rate = times(frames.stamps_ns)
     with av.open(str(target), "w", format="mp4") as file:
-        stream = file.add_stream("libx264", rate=rate, options=_QUALITY)
+        stream = file.add_stream(_ENCODER, rate=rate, options=_QUALITY)
         stream.time_base = stream.codec_context.time_base = Fraction(1, _TICKS)
         height, width = frames.draw(0).shape[:2]
         stream.height, stream.width, stream.pix_fmt = height, width, "yuv420p"

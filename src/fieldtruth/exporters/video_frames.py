@@ -19,6 +19,7 @@ from PIL import ImageDraw, ImageFont
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.file import BagError
+from fieldtruth.bag.readings import Readings, finite_rows, labels_of
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -65,8 +66,8 @@ class VideoFrames:
         self.stamps_ns = self._images.stamps_ns
         """(n,) [ns]."""
         sensors = run.of(Cloud) if run.has_poses and table.TF_STATIC in run.counts else []
-        self._scans = run.readings(sensors[0].name) if sensors else None
-        if sensors:
+        self._scans = _with_classes(run, sensors[0].name) if sensors else None
+        if self._scans is not None:
             self._base_from_sensor, self._trajectory = run.calibration.base_from(sensors[0].name), run.trajectory
             run.movers  # noqa: B018  # read once, not by each thread
 
@@ -91,7 +92,10 @@ class VideoFrames:
         panels = self._of_image(image)
         text = f"{self.run.name}   {image.stamp_ns / 1e9:.3f} s"
         if self._scans is not None:
+            begin, end = self._trajectory.stamps_ns[[0, -1]]
             scan = int(np.searchsorted(self._scans.stamps_ns, image.stamp_ns, side="right")) - 1
+            if scan >= 0 and not begin <= self._scans.stamps_ns[scan] <= end:
+                scan = -1  # nothing says where the robot was
             panels.append(self._of_cloud(scan, *panels[0].shape[:2]))
             text += f"   scan {self._scans.stamps_ns[scan] / 1e9:.3f} s" * (scan >= 0)
         rows = [panels] if len(panels) < 4 else [panels[:2], panels[2:]]
@@ -127,6 +131,19 @@ class VideoFrames:
                 corners = transforms.transform(transforms.inverse(world_from_eye) @ state.pose, mover.corners)
                 lines += [corners[[a, b]] for a, b in _EDGES if (corners[[a, b], 2] > _NEAR).all()]
         return _with_lines(panel, lines)
+
+
+def _with_classes(run: Run, name: str) -> Readings | None:
+    """Return the clouds of a sensor, unless the first one, of a bag from elsewhere, has no classes."""
+    clouds = run.readings(name, labelled=False)
+    if not len(clouds):
+        return None
+    rows = finite_rows(clouds.message(0))
+    try:
+        labels_of(rows, run.classes)
+    except BagError:
+        return None
+    return run.readings(name)
 
 
 def depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -7,6 +7,7 @@ arXiv:2211.12732) has them, whose scripts make queries and databases of these. `
 seen again, within a run and between runs of one world: what those scripts, and users of SLAM, compare theirs with.
 """
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -29,6 +30,8 @@ AGAIN_NS: Final = 30_000_000_000
 """Time [ns] from which on a place of the same run is seen again, and not still."""
 _STEP: Final = 0.5
 """Way [m] between frames: a robot that stands sees nothing new."""
+_SEASON: Final = ("season", "drought", "snow_depth")
+"""Keys of a layout that change what a world looks like, and nothing's place."""
 _TEXTS: Final = package_data("fieldtruth.exporters", "wild_places.yaml")
 
 
@@ -50,7 +53,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     every = [_frames(member) for member in options.members]
     target.mkdir()
     (target / "README.md").write_text(str(_TEXTS["readme"]).format(near=NEAR, step=_STEP, again=AGAIN_NS // 10**9))
-    _write_rows(target / "runs.csv", "run,split,environment,seed,season,frames", (_row_of(frames) for frames in every))
+    _write_rows(target / "runs.csv", "run,split,environment,seed,season,frames,world", _rows_of(every))
     _write_rows(
         target / "pairs.csv",
         "query_run,query_timestamp,database_run,database_timestamp,distance_m,turn_deg",
@@ -80,28 +83,39 @@ def _frames(member: Member) -> Frames:
     return Frames(member, rows, stamps[rows], np.array(poses))
 
 
-def _world_of(run: Run) -> tuple[str, int] | None:
-    """Environment and seed, which worlds of all seasons have in common; None of a bag from elsewhere."""
-    return None if run.experiment is None else (run.experiment.world_name, run.experiment.seed)
+def _world_of(run: Run) -> tuple[str, int, str] | None:
+    """Environment, seed and layout (JSON), which all seasons of a world share; None of a bag from elsewhere."""
+    if run.experiment is None:
+        return None
+    layout = {name: value for name, value in run.experiment.layout.items() if name not in _SEASON}
+    return run.experiment.world_name, run.experiment.seed, json.dumps(layout, sort_keys=True, default=str)
 
 
-def _row_of(frames: Frames) -> list[object]:
-    run = frames.member.run
-    environment, seed = _world_of(run) or ("", "")
-    season = "" if run.experiment is None else run.experiment.layout.get("season", "summer")
-    return [frames.member.name, frames.member.split, environment, seed, season, len(frames.rows)]
+def _rows_of(every: Sequence[Frames]) -> Iterator[list[object]]:
+    """Yield the rows of runs.csv, where worlds have numbers from 0 on."""
+    numbers: dict[tuple[str, int, str], int] = {}
+    for member, rows, *_ in every:
+        world, made_by = _world_of(member.run), member.run.experiment
+        environment, seed, _ = world or ("", "", "")
+        season = "" if made_by is None else made_by.layout.get("season", "summer")
+        number = "" if world is None else numbers.setdefault(world, len(numbers))
+        yield [member.name, member.split, environment, seed, season, len(rows), number]
 
 
 def pairs(query: Frames, database: Frames) -> Iterator[list[object]]:
-    """Yield the frames of a database that are of the place of a query; none if the runs are of two worlds."""
+    """Yield the frames of a database that are of the place of a query; none if the runs are of two worlds.
+
+    In a drive, a frame of the same run counts from ``AGAIN_NS`` on; separate frames are no drive.
+    """
     same = query is database
     worlds = [_world_of(frames.member.run) for frames in (query, database)]
     if not same and (None in worlds or worlds[0] != worlds[1]):
         return
+    again = 1 if query.member.run.is_frames else AGAIN_NS
     tree = cKDTree(database.poses[:, :3, 3])
     for row, position in enumerate(query.poses[:, :3, 3]):
         for other in sorted(tree.query_ball_point(position, NEAR)):
-            if same and abs(int(query.stamps_ns[row] - database.stamps_ns[other])) < AGAIN_NS:
+            if same and abs(int(query.stamps_ns[row] - database.stamps_ns[other])) < again:
                 continue
             between = transforms.inverse(query.poses[row]) @ database.poses[other]
             turn = np.degrees(np.arctan2(between[1, 0], between[0, 0]))
