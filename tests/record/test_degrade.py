@@ -71,6 +71,19 @@ def test_the_bytes_among_actors_are_those_of_a_run_with_noise(signal: dict[str, 
     assert sha256_of(degrade(ideal, tmp_path / "degraded", signal=signal)) == sha256_of(whole) != sha256_of(ideal)
 
 
+@pytest.mark.slow
+def test_the_bytes_among_plants_that_yield_are_those_of_a_run_with_noise(tmp_path: Path) -> None:
+    """In a bed of grass of the small park."""
+    lidar = {"kind": "lidar", "columns": 256, "rings": 32, "spinning": True}
+    rig = {"sensors": [{"kind": "imu"}, {"kind": "gnss"}, lidar]}
+    route = {"metres": {"start": (-6.2, 9.2), "waypoints": [(-4.0, 9.2)]}}
+    made = in_small_park(name="park_1", seconds=0.4, rig=rig, plants={"yielding": True}, route=route)
+    signal = {"lidar": {"range_noise": [[12.0, 0.02]]}}
+    whole = generate(with_overrides(made, signal=signal), tmp_path / "noisy")
+    ideal = generate(made, tmp_path / "ideal")
+    assert sha256_of(degrade(ideal, tmp_path / "degraded", signal=signal)) == sha256_of(whole) != sha256_of(ideal)
+
+
 def test_cameras_that_stay_ideal_are_not_rendered_again(
     ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -180,13 +180,13 @@ class Blown:
 
 
 def test_wind_does_not_turn_what_a_hull_holds() -> None:
-    """The wind is whole before the front and nothing where the lean is FLAT, as under a wheel, in any order of causes."""
+    """The wind is whole before the front and nothing at the lean FLAT, as below a wheel, in any order of causes."""
     world = meadow(stem(1.2), np.array([[0.0, Rig().wheels.half_track]]))
     cause, alone = pressed(world, driven(there(12.0)))
     rows, wind = np.array([0]), Blown(1)
     leans = alone.vectors(rows, knots(110))[:, 0]
     both = [Leaning(alone.plants, causes).vectors(rows, knots(110))[:, 0] for causes in ((wind, cause), (cause, wind))]
-    assert np.array_equal(*both)
+    assert np.array_equal(both[0], both[1])
     stands, flat = leans[:, 1] == 0.0, leans[:, 1] > FLAT - 1e-9
     assert stands.any()
     assert flat.any()

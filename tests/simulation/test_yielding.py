@@ -12,10 +12,12 @@ import pytest
 from sense_worlds import make_world
 
 from fieldtruth import pipeline
+from fieldtruth.bag.bodies import leans_in
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.sense.leaning import plants_of
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.validation import world as validated_world
@@ -113,6 +115,20 @@ def test_another_drive_begins_with_plants_that_stand(world: World) -> None:
     assert all(map(alike, one.step(0.9).all["lidar"], aside))
     one.restore(state)
     assert all(map(alike, one.step(0.2).all["lidar"], other.step(0.2).all["lidar"]))
+
+
+def test_a_bag_and_its_recording_have_the_same_plants(world: World, run: Path) -> None:
+    """Those near the whole route, also where the drive of 1.25 s ended before."""
+    swarm = world.swarms[0]
+    poses = swarm.world_from_object.copy()
+    poses[:, 0, 3] += 3.0
+    far = dataclasses.replace(world, swarms=(dataclasses.replace(swarm, world_from_object=poses),))
+    simulation = Simulation(crossing(), world=far)
+    simulation.reset()
+    (again,) = leans_in(far, open_run(run), crossing())
+    assert simulation.company is not None
+    assert np.array_equal(again.rows, simulation.company.leans[0].rows)
+    assert np.array_equal(again.rows, np.arange(len(plants_of(far).top)))
 
 
 def hull_hits(cloud: Cloud, experiment: Experiment) -> int:

@@ -224,7 +224,7 @@ def test_mistake_in_a_section_is_reported_with_file_and_key(tmp_path: Path, sect
     ],
 )
 def test_a_grass_that_cannot_yield_so_is_refused(tmp_path: Path, lines: str, message: str) -> None:
-    file = next(path for path in data_files() if path.parent.name == "grasses" and path.stem == "daisy")
+    file = next(path for path in data_files() if path.parent.name == "grasses" and path.stem == "bent")
     assert "yields" not in file.read_text()
     with pytest.raises(ConfigurationError, match=message):
         GRASSES.add(write(tmp_path, "mine", lines + file.read_text()))
