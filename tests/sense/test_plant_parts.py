@@ -93,7 +93,8 @@ def test_parts_change_nothing_else_of_a_scan(signal: dict[str, Any] | None) -> N
     plain, parts = (Lidar(config.model_copy(update={"parts": on}), scene).scan(at(0, 0, 0)) for on in (False, True))
     for mine, theirs in zip(all_but_part(plain), all_but_part(parts), strict=True):
         assert np.array_equal(mine, theirs)
-    assert not len(plain.part)
+    assert len(plain.part) == len(plain.label)
+    assert not plain.part.any()
     assert set(parts.part) == {1, 2}
     aside = parts.xyz[:, 1] > 0.1
     assert (parts.part[aside] == 1).all()
