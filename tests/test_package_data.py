@@ -65,6 +65,7 @@ _OF_EXTRAS: Final = {
     "fieldtruth.bag.mcap_file": "zstandard",
     "fieldtruth.exporters.mcap": "mcap",
     "fieldtruth.exporters.stereo_depth": "cv2",
+    "fieldtruth.exporters.video": "av",
     "fieldtruth.interchange.usd": "pxr",
     **dict.fromkeys(("fieldtruth.learning", "fieldtruth.live.score"), "gymnasium"),
 }
