@@ -118,8 +118,8 @@ def test_a_drive_over_parts_equals_one_in_the_whole_world(monkeypatch: pytest.Mo
 
 @pytest.mark.slow
 def test_a_map_of_tiles_equals_that_of_the_whole_forest(request: pytest.FixtureRequest) -> None:
-    """As dense as the built-in one, on a fifth of its area, which is six tiles."""
-    world = load_world("forest", 0, {"size": (40.0, 25.0), "individuals": 1, "beyond": False})
+    """As dense as the built-in one, on a quarter of its area, which is six tiles."""
+    world = load_world("forest", 1, {"size": (44.0, 27.0), "individuals": 1, "beyond": False})
     whole = Traversability(world)
     request.getfixturevalue("many_tiles")
     equal_maps(whole, Traversability(world, side=15.0))
