@@ -7,7 +7,7 @@
 It drives ``lake_reeds`` twice, with its stems and without them, and prints a table of the time in the bed.
 """
 
-import sys
+import argparse
 from typing import NamedTuple
 
 import numpy as np
@@ -62,8 +62,13 @@ def crossing(world: World, experiment: Experiment, seconds: float) -> Crossing:
     )
 
 
-def main(seconds: float = 55.0) -> None:
+def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("seconds", nargs="?", type=float, default=55.0, help="simulated time of each drive (55)")
+    seconds = parser.parse_args().seconds
+    if not 20.0 <= seconds <= 600.0:  # the bed begins after some metres
+        parser.error(f"argument seconds: must be 20 to 600, got {seconds:g}")
     experiment = load_experiment("lake_reeds")
     world = world_of(experiment)
     mown = experiment.model_copy(update={"plants": type(experiment.plants)()})
@@ -74,4 +79,4 @@ def main(seconds: float = 55.0) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(float, sys.argv[1:]))
+    main()

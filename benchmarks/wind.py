@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core import transforms
+from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.render.bake import bake
@@ -27,8 +28,10 @@ from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.build import load_world
+from fieldtruth.world.environments import ENVIRONMENTS
 
 PERIOD_NS: Final = 100_000_000
+READINGS: Final = ("scan", "spinning", "photograph")
 BLOWING: Final = WindConfig(speed_m_s=8.0)
 LIDAR: Final = LidarConfig(columns=1024, rings=64)
 CAMERA: Final = CameraConfig(width=640, height=360)
@@ -51,9 +54,11 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("environments", nargs="*", default=["park", "lake", "forest", "hillside"])
-    parser.add_argument("--repeats", type=int, default=9)
-    parser.add_argument("--readings", nargs="+", default=["scan", "spinning", "photograph"])
+    parser.add_argument("--repeats", type=int, default=9, choices=range(1, 1001), metavar="N")
+    parser.add_argument("--readings", nargs="+", default=READINGS, choices=READINGS)
     options = parser.parse_args()
+    if unknown := [name for name in options.environments if name not in ENVIRONMENTS]:
+        parser.error(str(UnknownNameError("environment", unknown[0], [*ENVIRONMENTS])))
     print(f"{'world':9} {'plants':>7}  {'reading':11} {'still':>8} {'wind':>8}  ratio  {'of it plants':>12}")
     for environment in options.environments:
         world = load_world(environment, 1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -168,3 +169,15 @@ def built_scene(environment: str) -> Scene:
     from kept_worlds import KEPT
 
     return KEPT.scene(KEPT.load_world(environment))
+
+
+def driven(columns: int) -> F8:
+    """Poses of a LiDAR that drives and turns during its scan."""
+    share = np.linspace(0.0, 1.0, columns + 1)
+    return np.stack([transforms.pose((0.2 * s, -0.1 * s, 1.1), (2, -3, 10 * s)) for s in share])
+
+
+def scan_bytes(config: LidarConfig, scene: Scene, poses: F8, stamps: list[int]) -> list[bytes]:
+    """Bytes of the scans of a new LiDAR from the same poses at stamps [ns], in their order."""
+    lidar = IdealLidar(config, scene)
+    return [b"".join(values.tobytes() for values in lidar.scan(poses, stamp)) for stamp in stamps]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sense_worlds import F8, at, box, make_world
+from sense_worlds import F8, at, box, driven, make_world, scan_bytes
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
@@ -80,11 +80,6 @@ def leaning(world: World, sign: float = 1.0, every: int = 1) -> Leaning:
 @pytest.fixture(scope="module")
 def scene(world: World) -> Scene:
     return Scene(world, leaning=leaning(world))
-
-
-def driven(columns: int) -> F8:
-    share = np.linspace(0.0, 1.0, columns + 1)
-    return np.stack([transforms.pose((0.2 * s, -0.1 * s, 1.1), (2, -3, 10 * s)) for s in share])
 
 
 def test_a_clump_is_bunches_of_whole_tufts_and_anything_else_is_whole(world: World) -> None:
@@ -257,8 +252,7 @@ def test_readings_depend_neither_on_their_order_nor_on_scenes_that_are_kept(scen
     poses, stamps = driven(SPINNING.columns), [STAMP + k * 100_000_000 for k in range(12)]
 
     def scans(some: list[int]) -> list[bytes]:
-        lidar = IdealLidar(SPINNING, scene)
-        return [b"".join(values.tobytes() for values in lidar.scan(poses, stamp)) for stamp in some]
+        return scan_bytes(SPINNING, scene, poses, some)
 
     alone = scans(stamps)
     assert len(set(alone)) == len(stamps)

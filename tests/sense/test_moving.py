@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
-from sense_worlds import F8, at, box, make_mesh, make_world
+from sense_worlds import F8, at, box, driven, make_mesh, make_world, scan_bytes
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
@@ -71,12 +71,6 @@ def body(name: str, number: int, pose: Poses, material: str = "wood") -> MovingB
 BALL_BODY = body("ball", BALL_ID, circling(0.0, 1.0))
 BOX_BODY = body("crate", BOX_ID, circling(2.0, 4.0), "bark")
 SPINNING = LidarConfig(columns=512, rings=32, max_range=30.0, firing_offsets_ns=tuple(range(0, 64_000, 2_000)))
-
-
-def driven(columns: int) -> F8:
-    """Poses of a LiDAR that drives and turns during its scan."""
-    share = np.linspace(0.0, 1.0, columns + 1)
-    return np.stack([transforms.pose((0.2 * s, -0.1 * s, 1.1), (2, -3, 10 * s)) for s in share])
 
 
 @pytest.fixture(scope="module")
@@ -219,8 +213,7 @@ def test_readings_depend_neither_on_threads_nor_on_their_order(scene: Scene) -> 
     poses, stamps = driven(SPINNING.columns), [STAMP + k * 100_000_000 for k in range(6)]
 
     def scans(some: list[int]) -> list[bytes]:
-        lidar = IdealLidar(SPINNING, scene)
-        return [b"".join(values.tobytes() for values in lidar.scan(poses, stamp)) for stamp in some]
+        return scan_bytes(SPINNING, scene, poses, some)
 
     alone = scans(stamps)
     assert len(set(alone)) == len(stamps)

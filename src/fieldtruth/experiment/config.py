@@ -350,7 +350,7 @@ class Experiment(Frozen):
 
     @property
     def is_living(self) -> bool:
-        """True if anything but the robot moves: actors, or plants that yield."""
+        """True if actors, or plants that yield, move with the robot, so that one process steps them all."""
         return bool(self.actors) or self.plants.yielding
 
     @property
