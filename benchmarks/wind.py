@@ -54,9 +54,11 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("environments", nargs="*", default=["park", "lake", "forest", "hillside"])
-    parser.add_argument("--repeats", type=int, default=9, choices=range(1, 1001), metavar="N")
+    parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--readings", nargs="+", default=READINGS, choices=READINGS)
     options = parser.parse_args()
+    if options.repeats < 1:
+        parser.error(f"argument --repeats: must be at least 1, got {options.repeats}")
     if unknown := [name for name in options.environments if name not in ENVIRONMENTS]:
         parser.error(str(UnknownNameError("environment", unknown[0], [*ENVIRONMENTS])))
     print(f"{'world':9} {'plants':>7}  {'reading':11} {'still':>8} {'wind':>8}  ratio  {'of it plants':>12}")
