@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bed of reeds does to a robot: IMU, torque, slip and speed across it, beside the same path mown.
+"""Effect of a bed of reeds on a robot: IMU, torque, slip and speed across it, beside the same path mown.
 
     python benchmarks/reeds.py [SECONDS]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What wind costs: time of a scan and of a photograph in wind over that in the still world, side by side.
+"""Cost of wind: time of a scan and of a photograph in wind over that in the still world, side by side.
 
 Run: python benchmarks/wind.py [park lake forest hillside] [--repeats N] [--readings scan ...]
 

@@ -129,7 +129,7 @@ class DriveConfig(Frozen):
 
 
 class PlantsConfig(Frozen):
-    """What plants and robot do to each other: ``plants: {yielding: true}``. See docs/yielding_plants.md."""
+    """Forces between plants and robot: ``plants: {yielding: true}``. See docs/yielding_plants.md."""
 
     yielding: Boolean = False
     """True: stems and twigs resist the robot, bend before it, and lie in its track. Otherwise it drives through grass

@@ -119,7 +119,7 @@ class Leaning:
 
     @property
     def version(self) -> tuple[int, ...]:
-        """What changes when a cause begins again."""
+        """Number that changes when a cause begins again."""
         return tuple(getattr(cause, "version", 0) for cause in self.causes)
 
     def poses(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:

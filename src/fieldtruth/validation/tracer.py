@@ -157,7 +157,7 @@ class _Leaning(NamedTuple):
 
 
 class _Key(NamedTuple):
-    """What is placed many times: a mesh, or a bunch of it, that leans or not."""
+    """Key of what is placed many times: a mesh, or a bunch of it, that leans or not."""
 
     mesh: str
     bunch: int

@@ -149,7 +149,7 @@ class Stand:
 
 
 Yields = Literal["solid", "flexible", "passable"]
-"""What a plant does to a robot that drives against it: it stops it, bends, or lets it pass."""
+"""Effect of a plant on a robot that drives against it: it stops it, bends, or lets it pass."""
 
 
 @dataclass(frozen=True, kw_only=True)
