@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What stems take from a robot that pushes them over: the law of one, and of a bed, against answers in closed form."""
+"""Forces of stems on a robot that pushes them over: the law of one, and of a bed, against answers in closed form."""
 
 import dataclasses
 import re

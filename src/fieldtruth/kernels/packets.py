@@ -155,7 +155,7 @@ NO_BODIES: Final = np.zeros((1, 0, 3, 3), np.float32)
 
 
 class SceneRays(NamedTuple):
-    """Scenes that rays meet: the one that stands still, bodies that move in the interval of a reading, and plants that lean.
+    """Scenes that rays meet: what stands still, bodies that move in the interval of a reading, and plants that lean.
 
     The time of a ray is its share of the interval. Instances of bodies have the first numbers of all geometries, those
     of plants the next ones: they are elements of one geometry, whose number is that of the first.
