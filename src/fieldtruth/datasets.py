@@ -83,6 +83,8 @@ class Sample(TypedDict, total=False):
     """(2, h, w) [pixel] motion to the right and down to the camera's next image; NaN where that does not show it."""
     part_mask: Counts
     """(h, w) ``PlantPart``; 0 where no plant is."""
+    passability_mask: NDArray[np.float32]
+    """(2, h, w) passability, 0 solid to 1 free, and force [N], infinite where solid."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts
@@ -93,6 +95,8 @@ class Sample(TypedDict, total=False):
     """(n,) whether the object of the point moves at ``lidar_stamp_ns``."""
     parts: Counts
     """(n,) ``PlantPart``; 0 where no plant is."""
+    passability: NDArray[np.float32]
+    """(n, 2) passability, 0 solid to 1 free, and force [N], infinite where solid."""
     reflectivity: NDArray[np.float32]
     """(n,) reflectance of a matt surface that faces the LiDAR and is as bright; 0 of a LiDAR without a signal."""
     rays: Counts
@@ -149,10 +153,15 @@ def _field(cloud: Cloud, field: str) -> NDArray[Any]:
     return values
 
 
-def _part(cloud: Cloud) -> Counts:
-    if "part" not in cloud.others:
-        raise BagError("points of the cloud have no field 'part'; `fieldtruth generate NAME --extras parts` records it")
-    return cloud.others["part"].astype(np.int64)
+def _extra(cloud: Cloud, field: str, extra: str) -> NDArray[Any]:
+    if field not in cloud.others:
+        how = f"`fieldtruth generate NAME --extras {extra}` records it"
+        raise BagError(f"points of the cloud have no field {field!r}; {how}")
+    return cloud.others[field]
+
+
+def _passability(cloud: Cloud) -> NDArray[np.float32]:
+    return np.stack([_extra(cloud, field, "passability") for field in ("passability", "force")], 1, dtype=np.float32)
 
 
 def _moving(reading: Cloud | Image, meaning: Meaning) -> NDArray[np.bool_]:
@@ -174,11 +183,13 @@ ITEMS: Final[dict[str, Item]] = {
     "normals": Item(Image, "normal", lambda image, meaning: _channels_first(image.normal).astype(np.float32)),
     "flow": Item(Image, "flow", lambda image, meaning: _channels_first(image.flow).astype(np.float32)),
     "part_mask": Item(Image, "part", lambda image, meaning: image.part.astype(np.int64)),
+    "passability_mask": Item(Image, "passability", lambda image, meaning: _channels_first(image.passability)),
     "cloud": Item(Cloud, "main", lambda cloud, meaning: cloud.xyz.astype(np.float32)),
     "labels": Item(Cloud, "main", lambda cloud, meaning: _ids(cloud.label, meaning.ids)),
     "instances": Item(Cloud, "main", lambda cloud, meaning: _field(cloud, "instance").astype(np.int32)),
     "moving": Item(Cloud, "main", _moving),
-    "parts": Item(Cloud, "main", lambda cloud, meaning: _part(cloud)),
+    "parts": Item(Cloud, "main", lambda cloud, meaning: _extra(cloud, "part", "parts").astype(np.int64)),
+    "passability": Item(Cloud, "main", lambda cloud, meaning: _passability(cloud)),
     "reflectivity": Item(Cloud, "main", lambda cloud, meaning: reflectivity(cloud)),
     "rays": Item(Cloud, "main", _rays),
 }

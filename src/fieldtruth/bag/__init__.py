@@ -15,6 +15,7 @@ from fieldtruth.bag.decode import labels as labels
 from fieldtruth.bag.decode import matrix as matrix
 from fieldtruth.bag.decode import normals as normals
 from fieldtruth.bag.decode import parts as parts
+from fieldtruth.bag.decode import passability as passability
 from fieldtruth.bag.decode import points as points
 from fieldtruth.bag.decode import pose_matrix as pose_matrix
 from fieldtruth.bag.decode import read_bag as read_bag

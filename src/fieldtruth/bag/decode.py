@@ -239,6 +239,12 @@ def parts(message: Any) -> NDArray[np.uint8]:
     return found
 
 
+def passability(message: Any) -> NDArray[np.float32]:
+    """Return passability, 0 solid to 1 free, and force [N] (h, w, 2) of a sensor_msgs/Image, 32FC2."""
+    found: NDArray[np.float32] = _pixels(message, _encoded(message, "image of passability", {"32FC2": "f4"}), 2)
+    return found
+
+
 def labels(tag_image: NDArray[np.uint8], classes: ClassTable = CLASSES) -> NDArray[np.uint8]:
     """Return the class ids (h, w) of a tag image (h, w, 3).
 

@@ -40,6 +40,7 @@ _DECODED: Final[Mapping[str, Callable[[Any], Any]]] = {
     "normal": read.normals,
     "flow": read.flow,
     "part": read.parts,
+    "passability": read.passability,
 }
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 SERIES: Final = (Inertial, Fix, WheelSpeeds, Joints, Odometry)

@@ -111,7 +111,7 @@ def latches_objects(experiment: Experiment, objects: int) -> bool:
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
 
 
-EXTRAS: Final = ("depth", "instance", "normal", "flow", "part")
+EXTRAS: Final = ("depth", "instance", "normal", "flow", "part", "passability")
 """Fields of an image that are recorded on demand."""
 _TYPES: Final[Mapping[str, type[readings.Reading]]] = {
     "sensor_msgs/msg/PointCloud2": readings.Cloud,

@@ -81,6 +81,8 @@ class Image(Reading):
     """(h, w, 2) [pixel] to the right and down to the camera's next image; NaN where that does not show the point."""
     part: NDArray[np.uint8] | None = None
     """(h, w) ``PlantPart``; 0 where no plant is."""
+    passability: NDArray[np.float32] | None = None
+    """(h, w, 2) Passability, 0 solid to 1 free, and the force [N] that presses the object down, infinite if solid."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

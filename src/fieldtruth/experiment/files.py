@@ -97,8 +97,9 @@ def dump_experiment(experiment: Experiment) -> str:
         if each["control"] is not None and each["control"]["yield_to"] is None:
             del each["control"]["yield_to"]
         for sensor in (each["rig"] or {}).get("sensors", ()):
-            if not sensor.get("parts", True):
-                del sensor["parts"]
+            for key in ("parts", "passability"):
+                if not sensor.get(key, True):
+                    del sensor[key]
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 

@@ -13,9 +13,10 @@ STREAMS: Final = {
     "normals": ("normals", "sensor_msgs/msg/Image"),
     "flow": ("flow", "sensor_msgs/msg/Image"),
     "parts": ("parts", "sensor_msgs/msg/Image"),
+    "passability": ("passability", "sensor_msgs/msg/Image"),
 }
 """Streams of a view: end of the topic, and type, in the order of its messages."""
-EXTRAS: Final = ("depth", "instances", "normals", "flow", "parts")
+EXTRAS: Final = ("depth", "instances", "normals", "flow", "parts", "passability")
 """Streams that a camera publishes only if the key of that name is true."""
 IMAGES: Final = {
     "photo": "photograph",
@@ -25,6 +26,7 @@ IMAGES: Final = {
     "normal": "normals",
     "flow": "flow",
     "part": "parts",
+    "passability": "passability",
 }
 """Stream by field of ``core.readings.Image``."""
 

@@ -60,6 +60,7 @@ class ImagingConfig(MountedConfig):
     normals: Boolean = False
     flow: Boolean = False
     parts: Boolean = False
+    passability: Boolean = False
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -214,6 +214,7 @@ def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
         "normal": lambda name, image: _Encoded({f"normals_{name}": normals_png(image.normal)}),
         "flow": _flow,
         "part": lambda name, image: _Encoded({f"parts_{name}": encode_png(image.part)}),
+        "passability": _passability,
     }
     for view in run.of(Image, recorded=False):
         for part in view.recorded(run.counts):
@@ -241,6 +242,16 @@ def _depth(name: str, image: Any) -> _Encoded:
 
 def _flow(name: str, image: Any) -> _Encoded:
     return _Encoded({f"flow_{name}": flow_png(image.flow), f"flow_{name}_raw": flow_flo(image.flow)})
+
+
+def _passability(name: str, image: Any) -> _Encoded:
+    share = np.rint(255.0 * image.passability[..., 0]).astype(np.uint8)
+    return _Encoded(
+        {
+            f"passability_{name}": encode_png(share),
+            f"force_{name}": metres_npy(image.passability[..., 1]),
+        }
+    )
 
 
 def _cloud(classes: ClassTable, name: str, label_map: LabelMap | None, cloud: Cloud) -> _Encoded:

@@ -297,7 +297,7 @@ class Frames:
     def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:
         fields = cloud.fields()
         measured = read.MEASURED if "true_range" in fields else ()
-        others = ("instance", "ring", "column", "t", "part", *measured)
+        others = ("instance", "ring", "column", "t", "part", "passability", "force", *measured)
         named = {name: fields[name] for name in others if name in fields}
         found = {"xyz": cloud.xyz.astype("<f4"), "label": np.take(self._ids, cloud.label)} | named
         return found | ({"reflectivity": reflectivity(cloud)} if measured else {})

@@ -160,7 +160,7 @@ def _image_rows(member: Member, frames: Frames, i: int) -> list[_Row]:
         row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, named: label}
         row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "image", "lens")
         flat: dict[str, NDArray[Any]] = {
-            key: view.extras[key].ravel() for key in ("normals", "flow") if key in view.extras
+            key: view.extras[key].ravel() for key in ("normals", "flow", "passability") if key in view.extras
         }
         row |= flat
         row["distortion_model"] = about.get("distortion_model")

@@ -45,8 +45,8 @@ class Scan(NamedTuple):
     """The returns of one revolution, ordered by column, then by ring.
 
     ``xyz`` (n, 3) [m] in the LiDAR's frame; ``range_m`` (n,) [m]; ``label`` class ids; ``instance`` instance ids;
-    ``ring`` and ``column`` identify the ray; ``t_ns`` [ns] is the ray's time after the scan's stamp; ``part`` is the
-    ``PlantPart``, empty unless the LiDAR's ``parts`` are on.
+    ``ring`` and ``column`` identify the ray; ``t_ns`` [ns] is the ray's time after the scan's stamp; ``top`` is the row
+    in ``Scene.top_levels`` and 1 more, and ``part`` the ``PlantPart``, 0 unless the LiDAR has the extra.
     """
 
     xyz: Float32Array
@@ -56,6 +56,7 @@ class Scan(NamedTuple):
     ring: NDArray[np.uint16]
     column: NDArray[np.uint16]
     t_ns: NDArray[np.uint32]
+    top: NDArray[np.uint32]
     part: NDArray[np.uint8]
 
 
@@ -96,7 +97,7 @@ def aimed(poses: Array, k: int, share: float, beams: Beams, ring: int) -> tuple[
 def collect_returns(directions: Array, echoes: "EchoBuffers", found: Scan) -> None:
     """List the returns by column, then by ring; NumPy's indexing takes eight times as long (1.3 ms of a scan of 25)."""
     labels, instances, distances = echoes.label, echoes.instance, echoes.depth
-    xyz, range_m, label, instance, rings, columns, _, _ = found
+    xyz, range_m, label, instance, rings, columns, *_ = found
     k = 0
     for column in range(distances.shape[1]):
         for ring in range(distances.shape[2]):
@@ -129,7 +130,7 @@ class EchoBuffers(NamedTuple):
     """Echoes of each beam, (echoes, columns, rings), the nearest first; the beam's own range is (columns, rings)."""
 
     label: NDArray[np.uint8]  # as the hit table has it: a class, or a code
-    instance: NDArray[np.uint32]
+    instance: NDArray[np.uint32]  # as the hit table has it: an instance id, or ``Scan.top``
     depth: Float32Array  # [m] range, 0 without an echo
     apparent: Float32Array  # reflectance of a matt surface that faces the LiDAR, fills the beam and is as bright
     mixed: Mask  # whether surfaces of more than one class or object made it
@@ -218,10 +219,12 @@ class SubRays(NamedTuple):
     clear: Array  # (LANES * rays,) [m] up to which nothing is there
     power: Array  # of a matt white surface at 1 m that faces the LiDAR: 1; first of all its brightness
     code: NDArray[np.int64]  # of the hit table: the class, unless that has codes
+    owner: NDArray[np.int64]  # of the hit table: the instance id, unless that has rows
     label: NDArray[np.int64]
     instance: NDArray[np.int64]
     order: NDArray[np.int64]  # (rays,)
     class_of: NDArray[np.uint8]  # (256,) class of a code
+    object_of: NDArray[np.uint32]  # instance id of an owner; empty if it is the instance id
 
 
 @inlined
@@ -352,8 +355,9 @@ def _trace(
         x, y = origin[slot, 0] + distance * direction[slot, 0], origin[slot, 1] + distance * direction[slot, 1]
         found, object_id = classify(hits, top, words[_PRIM + lane], x, y)
         if returns[rays.class_of[found]]:
-            range_m[slot], rays.code[slot] = distance, found
-            label[slot], instance[slot] = rays.class_of[found], object_id
+            range_m[slot], rays.code[slot], rays.owner[slot] = distance, found, object_id
+            label[slot] = rays.class_of[found]
+            instance[slot] = rays.object_of[object_id] if len(rays.object_of) > 0 else object_id
             if surfaces is not None:
                 value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
                 power[slot] = brightness(value, gloss, exponent, cosine_of(surfaces.top_rotation, ray, lane, top))
@@ -364,7 +368,7 @@ def _write_middle(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuf
     """Write the echo of a beam that has one ray."""
     out.depth[0, column, ring] = out.true_range[column, ring] = rays.range_m[beam]
     out.apparent[0, column, ring] = rays.power[beam]
-    out.label[0, column, ring], out.instance[0, column, ring] = rays.code[beam], rays.instance[beam]
+    out.label[0, column, ring], out.instance[0, column, ring] = rays.code[beam], rays.owner[beam]
 
 
 @inlined
@@ -396,7 +400,7 @@ def _one_echo(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuffers
     distance = moment / total
     out.true_range[column, ring], out.depth[0, column, ring] = range_m[beam], distance
     out.apparent[0, column, ring], out.mixed[0, column, ring] = total * distance * distance, False
-    out.label[0, column, ring], out.instance[0, column, ring] = rays.code[beam], instance[beam]
+    out.label[0, column, ring], out.instance[0, column, ring] = rays.code[beam], rays.owner[beam]
     return True
 
 
@@ -463,4 +467,4 @@ def _write_echo(rays: SubRays, left: int, begin: int, cell: tuple[int, int, int]
     if total > 0.0:
         distance = moment / total
         out.depth[cell], out.apparent[cell], out.mixed[cell] = distance, total * distance * distance, mixed
-        out.label[cell], out.instance[cell] = rays.code[maker], instance[maker]
+        out.label[cell], out.instance[cell] = rays.code[maker], rays.owner[maker]

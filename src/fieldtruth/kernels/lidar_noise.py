@@ -74,6 +74,7 @@ class Reading(NamedTuple):
     reflectivity: Float32Array
     echo: NDArray[np.uint8]
     mixed: NDArray[np.uint8]
+    top: NDArray[np.uint32]
     part: NDArray[np.uint8]
 
 

@@ -62,6 +62,11 @@ class PartCodes(NamedTuple):
         return part
 
 
+def by_top(hits: HitTable) -> HitTable:
+    """Return a table with the row of a top-level geometry and 1 more, instead of its instance id."""
+    return hits._replace(top_object=np.arange(1, len(hits.top_object) + 1, dtype=np.uint32))
+
+
 class Scene:
     """A world in the ray tracer. Threads may share it: it does not change after construction.
 
@@ -268,6 +273,11 @@ class Scene:
         codes[part > 0] = found[np.searchsorted(own, pairs[0].astype(np.int64) << 8 | pairs[1])]
         codes_label[found], codes_part[found] = own >> 8, own & 255
         return PartCodes(self.hits._replace(face_label=codes), codes_label, codes_part)
+
+    @cached_property
+    def owners(self) -> NDArray[np.uint32]:
+        """Instance ids by the row of ``top_levels`` and 1 more; that of 0 is 0."""
+        return np.concatenate([np.zeros(1, np.uint32), self.hits.top_object])
 
     @cached_property
     def _cast_table(self) -> CastTable:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.drive.passability import Passability
 from fieldtruth.drive.track import STEP_NS, PoseAt, Stamps, Track, poses_of, stamps_at_rate, standing_at, steps_at_rate
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
@@ -105,6 +106,11 @@ class SensorWorld(_Shared):
     def baked(self) -> BakedScene:
         """The scene with its light; baked at the first use."""
         return self.once("baked", lambda: bake(self.scene, self.light, self.weather))
+
+    @property
+    def passability(self) -> Passability:
+        """What it takes the robot to press down what is in the world; computed at the first use."""
+        return self.once("passability", lambda: Passability(self.world, self.rig.robot, len(self.moving)))
 
     @cached_property
     def robot_parts(self) -> Sequence[Box | Cylinder]:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, ClassTable, Label
+from fieldtruth.drive.passability import Passability
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Count, Rule, Spec, Tally
@@ -148,13 +149,16 @@ class RayReading(NamedTuple):
     """True time, which matters where bodies move."""
     part: int = UNKNOWN
     """``PlantPart``."""
+    passing: Array | None = None
+    """(2,) Passability and force [N]; None where the sensor does not measure them."""
 
     def __str__(self) -> str:
         if self.range_m == NOTHING:
             return f"{self.where}: {'no return' if self.pulsed else 'sky'}"
         instance = "" if self.instance == UNKNOWN else f" of object {self.instance}"
         part = "" if self.part == UNKNOWN else f", part {self.part},"
-        return f"{self.where}: class {self.label}{part}{instance} at {self.range_m:.4f} m"
+        passing = "" if self.passing is None else f", passability {self.passing[0]:g} and {self.passing[1]:g} N,"
+        return f"{self.where}: class {self.label}{part}{passing}{instance} at {self.range_m:.4f} m"
 
 
 class _Candidate(NamedTuple):
@@ -164,6 +168,7 @@ class _Candidate(NamedTuple):
     tolerance: float
     classes: ClassTable = CLASSES
     part: int = 0
+    passing: Array | None = None
 
     @property
     def last(self) -> float:
@@ -173,7 +178,8 @@ class _Candidate(NamedTuple):
     def __str__(self) -> str:
         names = " or ".join(sorted(self.classes[label].name for label in self.labels))
         part = f", part {self.part}," if self.part else ""
-        return f"{names}{part} of object {self.instance} at {self.range_m:.4f} m"
+        passing = "" if self.passing is None else f", passability {self.passing[0]:g} and {self.passing[1]:g} N,"
+        return f"{names}{part}{passing} of object {self.instance} at {self.range_m:.4f} m"
 
     def agrees(self, reading: RayReading) -> bool:
         """Return whether a reading may be of this surface."""
@@ -184,11 +190,17 @@ class _Candidate(NamedTuple):
         seen = reading.near - self.tolerance < self.range_m < reading.far + self.tolerance
         same_range = not np.isfinite(reading.range_m) or abs(reading.range_m - self.range_m) <= self.tolerance
         same = reading.instance in (self.instance, UNKNOWN) and reading.part in (self.part, UNKNOWN)
+        if reading.passing is not None and self.passing is not None:
+            same = same and bool(same_passing(reading.passing, self.passing))
         return seen and same_range and reading.label in returning and same
 
 
 def mismatches(
-    world: World, tracer: ReferenceTracer, readings: list[RayReading], robot: Sequence[Outside] = ()
+    world: World,
+    tracer: ReferenceTracer,
+    readings: list[RayReading],
+    robot: Sequence[Outside] = (),
+    passability: Passability | None = None,
 ) -> list[str | None]:
     """Return for each reading None if it is right, else a description of what the ray hits in world and robot."""
     if not readings:
@@ -200,6 +212,7 @@ def mismatches(
     tolerance = np.asarray(resolution(hits.range_m, tracer.side) / hits.cosine + 1e-6 * hits.range_m)
     opaque = _opaque(hits, tolerance, tracer.side)
     result, classes = list[str | None](), world.classes
+    passing = None if passability is None else passability.of(hits.top, hits.label)
     for ray, (first, last) in enumerate(pairwise(np.searchsorted(hits.ray, np.arange(len(readings) + 1)))):
         own = [(_of_robot(hit), hit.sure) for hit in robot_hits(robot, *readings[ray].in_base)]
         end = min((candidate.last for candidate, sure in own if sure), default=np.inf)
@@ -212,7 +225,8 @@ def mismatches(
             if labels == {TERRAIN}:
                 labels = _trail_labels(world, origins[ray] + range_m * directions[ray], range_m, float(hits.cosine[k]))
             own_id, part = int(hits.instance[k]), int(hits.part[k])
-            candidates.append(_Candidate(labels, own_id, range_m, float(tolerance[k]), classes, part))
+            passes = None if passing is None else passing[k]
+            candidates.append(_Candidate(labels, own_id, range_m, float(tolerance[k]), classes, part, passes))
             if opaque[k]:
                 end = min(end, candidates[-1].last)
         candidates += [candidate for candidate, _ in own if candidate.range_m - candidate.tolerance <= end]
@@ -224,7 +238,8 @@ def mismatches(
 
 
 def _of_robot(hit: RobotHit) -> _Candidate:
-    return _Candidate({int(Label.ROBOT)}, ROBOT_ID, hit.range_m, hit.tolerance)
+    free = np.array([1.0, 0.0])
+    return _Candidate({int(Label.ROBOT)}, ROBOT_ID, hit.range_m, hit.tolerance, passing=free)
 
 
 def _opaque(hits: Hits, tolerance: Array, side: float) -> Mask:
@@ -254,7 +269,7 @@ class RayReference(Checker):
     """The second tracer in a world. Threads may share it."""
 
     def __init__(self, context: Context, rebuilt: SensorWorld) -> None:
-        self._world = rebuilt.world
+        self._rebuilt, self._world = rebuilt, rebuilt.world
         self._tracer = ReferenceTracer(rebuilt.world, rebuilt.moving, rebuilt.leaning)
         self._robot = robot_parts(context.rig)
         self._tally = context.tally(INDEPENDENT_RAYS)
@@ -287,10 +302,16 @@ class RayReference(Checker):
         return part
 
     def _wrong(self, readings: list[RayReading]) -> list[str]:
-        found = mismatches(self._world, self._tracer, readings, self._robot)
+        passability = self._rebuilt.passability if any(each.passing is not None for each in readings) else None
+        found = mismatches(self._world, self._tracer, readings, self._robot, passability)
         return [f"{reading}, but {hit}" for reading, hit in zip(readings, found, strict=True) if hit is not None]
 
 
 def close(mine: NDArray[np.floating[Any]], theirs: NDArray[np.floating[Any]]) -> Mask:
     """Return whether lengths [m] are the same in single precision, on any processor."""
     return np.asarray(np.abs(mine - theirs) <= 2e-5 + 1e-6 * np.abs(theirs))
+
+
+def same_passing(mine: NDArray[np.floating[Any]], theirs: NDArray[np.floating[Any]]) -> Mask:
+    """Return whether passabilities and forces [N], (..., 2), are the same in single precision, on any processor."""
+    return np.asarray(np.isclose(mine, theirs, rtol=1e-5, atol=1e-6).all(axis=-1))

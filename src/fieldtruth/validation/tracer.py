@@ -125,6 +125,8 @@ class Hits(NamedTuple):
     """Of the angle between ray and normal."""
     front: Mask
     """True where the ray meets the side from which the corners run counterclockwise."""
+    top: Index
+    """Row in ``Scene.top_levels`` and 1 more."""
 
 
 class _Solid(NamedTuple):
@@ -138,10 +140,10 @@ class _Solid(NamedTuple):
 
 
 class _Placed(NamedTuple):
-    """All objects with the same mesh: object_from_world, instance ids, and boxes in the world."""
+    """All objects with the same mesh: object_from_world, ``Hits.top``, and boxes in the world."""
 
     inverse: Array
-    instance: Index
+    top: Index
     low: Array
     high: Array
 
@@ -171,11 +173,11 @@ STANDS: Final = -1
 
 
 class _Triangles(NamedTuple):
-    """Corners (n, 3, 3), class, instance id and part (n,)."""
+    """Corners (n, 3, 3), class, ``Hits.top`` and part (n,)."""
 
     corners: Array
     label: NDArray[np.uint8]
-    instance: Index
+    top: Index
     part: NDArray[np.uint8]
 
 
@@ -189,18 +191,18 @@ class ReferenceTracer:
         meshes: dict[_Key, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
         poses: dict[_Key, list[tuple[Array, int]]] = {}
         rows: dict[_Key, list[int]] = {}
-        plants, top = _plants_by_top(leaning), TERRAIN
+        plants, owners = _plants_by_top(leaning), [0, GROUND_ID]
 
         def place(mesh: Mesh, pose: Array, instance: int) -> None:
-            nonlocal top
-            top += 1
+            top = len(owners) - 1
+            owners.append(instance)
             for bunch, row in plants.get(top, [(WHOLE, STANDS)]):
                 key = _Key(mesh.name, bunch, row != STANDS)
                 if key not in meshes:
                     label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
                     own = np.full(len(mesh.faces), True) if bunch == WHOLE else bunches_of(mesh) == bunch
                     meshes[key] = mesh.vertices.astype(np.float64)[mesh.faces[own]], label[own], mesh.face_parts[own]
-                poses.setdefault(key, []).append((pose, instance))
+                poses.setdefault(key, []).append((pose, top + 1))
                 rows.setdefault(key, []).append(row)
 
         if world.backdrop is not None:
@@ -211,6 +213,7 @@ class ReferenceTracer:
             own = [world.meshes[name] for name in swarm.meshes]
             for row, pose in zip(swarm.mesh.tolist(), swarm.world_from_object, strict=True):
                 place(own[row], pose, swarm.object_id)
+        self._owners = np.array([*owners, *(body.object_id for body in bodies)])
         self._solids = {key: _grouped(*mesh) for key, mesh in meshes.items()}
         placed = {key: _placed(self._solids[key], poses[key]) for key in meshes}
         self._placed = {key: each for key, each in placed.items() if not key.leans}
@@ -220,7 +223,7 @@ class ReferenceTracer:
     def triangles(self) -> int:
         """Number of triangles in the world, those of each object counted."""
         every = [*self._placed.items(), *((key, each.placed) for key, each in self._leant.items())]
-        objects = (len(self._solids[key].corners) * len(placed.instance) for key, placed in every)
+        objects = (len(self._solids[key].corners) * len(placed.top) for key, placed in every)
         return sum(objects, self._ground.triangles if self._ground is not None else 0)
 
     def hits(self, origins: Array, directions: Array, limit: Array, stamps_ns: Index | None = None) -> Hits:
@@ -232,44 +235,47 @@ class ReferenceTracer:
         nothing = np.zeros(0)
         index, flags = nothing.astype(int), nothing.astype(np.bool_)
         none = nothing.astype(np.uint8)
-        found = [Hits(index, nothing, none, index, none, nothing, nothing, flags)]
+        found = [Hits(index, nothing, none, index, none, nothing, nothing, flags, index)]
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
             ground = self._ground.near(origins[rays], directions[rays], limit[rays]) if self._ground is not None else ()
             for row, corners in ground:
                 ray = rays[row]
-                label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
-                triangles = _Triangles(corners, label, instance, np.zeros(len(ray), np.uint8))
+                label, top = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), TERRAIN + 1)
+                triangles = _Triangles(corners, label, top, np.zeros(len(ray), np.uint8))
                 found.append(_hits_on(triangles, ray, origins[ray], directions[ray], limit[ray], self.side))
             start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
             for key, placed in self._placed.items():
                 near = near_all(placed.low, placed.high, start, ahead, end)
                 ray, row = np.nonzero(meets(placed.low[near], placed.high[near], start, ahead, end))
                 if len(ray):
-                    own = placed.inverse[near[row]], placed.instance[near[row]]
+                    own = placed.inverse[near[row]], placed.top[near[row]]
                     found += self._hits_of(key, rays[ray], *own, (origins, directions, limit))
             if self._leaning is not None:
                 found += self._hits_on_plants(self._leaning, rays, stamps, (origins, directions, limit))
-        for body in self._bodies:
-            found += self._hits_on_body(body, origins, directions, limit, stamps)
+        for number in range(len(self._bodies)):
+            found += self._hits_on_body(number, origins, directions, limit, stamps)
         hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
+        hits = hits._replace(instance=self._owners[hits.top])
         order = np.lexsort((hits.range_m, hits.ray))
         return Hits._make(part[order] for part in hits)
 
     def _hits_on_body(
-        self, body: MovingBody, origins: Array, directions: Array, limit: Array, stamps: Index
+        self, number: int, origins: Array, directions: Array, limit: Array, stamps: Index
     ) -> Iterator[Hits]:
         """Yield the hits of each ray that passes near a body, which is where it is at the ray's own stamp."""
+        body = self._bodies[number]
         mesh, poses = body.mesh, body.at(stamps)
         vertices = mesh.vertices.astype(np.float64)
         label = np.array([self._labels[name] for name in mesh.materials], np.uint8)[mesh.material]
-        instance, offset = np.full(len(mesh.faces), body.object_id), poses[:, :3, 3] - origins
+        top = np.full(len(mesh.faces), len(self._owners) - len(self._bodies) + number)
+        offset = poses[:, :3, 3] - origins
         along = np.clip(np.einsum("ni,ni->n", offset, directions), 0.0, limit)
         away = np.linalg.norm(offset - along[:, None] * directions, axis=1)
         for ray in np.flatnonzero(away <= np.linalg.norm(vertices, axis=1).max() + SKIN):
             corners = (vertices @ poses[ray, :3, :3].T + poses[ray, :3, 3])[mesh.faces]
             rays = np.full(len(corners), ray)
-            triangles = _Triangles(corners, label, instance, mesh.face_parts)
+            triangles = _Triangles(corners, label, top, mesh.face_parts)
             yield _hits_on(triangles, rays, origins[rays], directions[rays], limit[rays], self.side)
 
     def _hits_on_plants(self, leaning: Leaning, rays: Index, stamps: Index, all_rays: _Rays) -> list[Hits]:
@@ -290,10 +296,10 @@ class ReferenceTracer:
                 plants, own = np.unique(near[row], return_inverse=True)
                 poses = square(leaning.at(rows[plants], instants))[instant[ray], own]
                 inverse = np.asarray(np.linalg.inv(poses), np.float64)
-                found += self._hits_of(key, rays[ray], inverse, placed.instance[near[row]], all_rays)
+                found += self._hits_of(key, rays[ray], inverse, placed.top[near[row]], all_rays)
         return found
 
-    def _hits_of(self, key: _Key, ray: Index, inverse: Array, instance: Index, rays: _Rays) -> list[Hits]:
+    def _hits_of(self, key: _Key, ray: Index, inverse: Array, top: Index, rays: _Rays) -> list[Hits]:
         """Hits of pairs of ray and object, all with the same mesh; ``inverse`` (n, 4, 4) is object_from_world."""
         (origins, directions, limit), solid, found = rays, self._solids[key], []
         start = np.einsum("nij,nj->ni", inverse[:, :3, :3], origins[ray]) + inverse[:, :3, 3]
@@ -308,7 +314,7 @@ class ReferenceTracer:
                 inside = face < len(solid.corners)
                 face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
                 of, label, part = ray[pair_of], solid.label[face], solid.part[face]
-                triangles = _Triangles(solid.corners[face], label, instance[pair_of], part)
+                triangles = _Triangles(solid.corners[face], label, top[pair_of], part)
                 found.append(_hits_on(triangles, of, start[pair_of], ahead[pair_of], limit[of], self.side))
         return found
 
@@ -324,13 +330,14 @@ def resolution(range_m: Array, side: float) -> Array:
 
 def _hits_on(triangles: _Triangles, ray: Index, start: Array, ahead: Array, limit: Array, side: float) -> Hits:
     """Hits of rays on triangles, pair by pair; rays are given in their frame, in a world of a greatest side [m]."""
-    corners, label, instance, part = triangles
+    corners, label, top, part = triangles
     range_m, margin, cosine = _intersect(corners, start, ahead)
     margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
     front, cosine = cosine < 0, np.abs(cosine)
     hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
     hit &= margin > -resolution(range_m, side) / np.maximum(cosine, _PARALLEL)
-    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], part[hit], margin[hit], cosine[hit], front[hit])
+    known = ray, range_m, label, top, part, margin, cosine, front, top  # instance ids follow when all hits are found
+    return Hits._make(each[hit] for each in known)
 
 
 def _grouped(corners: Array, label: NDArray[np.uint8], part: NDArray[np.uint8]) -> _Solid:
@@ -350,12 +357,12 @@ def _grouped(corners: Array, label: NDArray[np.uint8], part: NDArray[np.uint8]) 
 
 
 def _placed(solid: _Solid, poses: list[tuple[Array, int]]) -> _Placed:
-    pose, instance = np.array([pose for pose, _ in poses]), np.array([number for _, number in poses])
+    pose, top = np.array([pose for pose, _ in poses]), np.array([number for _, number in poses])
     bounds = np.stack([solid.low.min(axis=0), solid.high.max(axis=0)])
     corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
     moved = np.einsum("nij,cj->nci", pose[:, :3, :3], corners) + pose[:, None, :3, 3]
     inverse = np.asarray(np.linalg.inv(pose), np.float64)
-    return _Placed(inverse, instance, moved.min(axis=1) - SKIN, moved.max(axis=1) + SKIN)
+    return _Placed(inverse, top, moved.min(axis=1) - SKIN, moved.max(axis=1) + SKIN)
 
 
 def _plants_by_top(leaning: Leaning | None) -> dict[int, list[tuple[int, int]]]:

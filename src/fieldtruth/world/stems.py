@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.kernels.stems import Cells
 from fieldtruth.world.model import LOOSE, Mesh, Swarm, World
 from fieldtruth.world.plants.species import BUSHES, GRASSES, TREES, GrassSpecies, Species, Stems, Yields
@@ -28,6 +28,8 @@ DEAD: Final = frozenset({"bark_torn", "bark_dead"})
 """Materials of dead wood, whose meshes have the species that it was."""
 _STOOLS: Final[list[list[str]]] = [[], ["cylinder"]]
 """Shapes of the colliders of bushes that can yield."""
+THIN: Final = 0.02
+"""Thickness [m] of a branch below which a robot bends it."""
 _TURN: Final = np.radians(137.5)
 
 
@@ -60,6 +62,17 @@ def yields_of(mesh: Mesh) -> Yields:
     return next((rank for rank in ranks if rank in found), "passable" if mesh.passable else "solid")
 
 
+def bends(mesh: Mesh, thickness: Array) -> Mask:
+    """Return whether stems and branches of a plant, (n,) [m] thick, bend before a robot, and do not stop it.
+
+    A bush's species says so. The collider of a tree is its trunk: its branches bend below a thickness, and so do those
+    of plants without a species.
+    """
+    if any(name in BUSHES for name in mesh.species):
+        return np.full(len(thickness), yields_of(mesh) != "solid")
+    return np.asarray(thickness < THIN)
+
+
 def stems_of(world: World) -> StemRows:
     """Return the stems of all tufts and flexible bushes inside a world."""
     blocks = [np.zeros((0, 9)), *_of_swarms(world), *_of_bushes(world)]
@@ -75,22 +88,41 @@ def stems_of(world: World) -> StemRows:
     return StemRows(np.ascontiguousarray(rows[order]), Cells(first, grid))
 
 
-def _of_swarms(world: World) -> Iterator[Array]:
-    for swarm in (each for each in world.swarms if each.kind not in LOOSE):
-        for row, name in enumerate(swarm.meshes):
-            mesh = world.meshes[name]
-            if mesh.tufts is not None:
-                yield from _of_tufts(mesh, _inside(world, swarm, row))
+class Rooted(NamedTuple):
+    """Stems of one species on n copies of a mesh: of the k tufts of a clump, or of a bush, k = 1."""
+
+    stems: Stems
+    yields: Yields
+    middle: Array
+    """(n, k, 2) [m] in the world."""
+    radius: Array
+    """(n, k) [m] of the disc in which they root."""
+    height: Array
+    """(n, k) [m]."""
+    usual: float
+    """Height [m] at which a stem has the rigidity of ``stems``."""
+
+    @property
+    def out(self) -> Array:
+        """(n, k, r) Distances [m] of its rows from the middle."""
+        count = min(self.stems.number, _ROWS[self.yields])
+        return np.asarray(self.radius[..., None] * np.sqrt(np.arange(count) / count))
 
 
-def _inside(world: World, swarm: Swarm, row: int) -> Array:
-    """Poses (n, 4, 4) of a swarm's copies of one mesh that are in the world."""
-    inside = (np.abs(swarm.world_from_object[:, :2, 3]) < np.array(world.size) / 2 + 2.0).all(axis=1)
-    return np.asarray(swarm.world_from_object[inside & (swarm.mesh == row)])
+def rooted_in(mesh: Mesh, poses: Array) -> Iterator[Rooted]:
+    """Yield the stems of each species of a mesh at poses (n, 4, 4): of tufts, and of flexible bushes."""
+    if mesh.tufts is not None:
+        yield from _in_tufts(mesh, poses)
+    elif yields_of(mesh) == "flexible" and mesh.colliders:
+        species, collider = species_of(mesh)[0], mesh.colliders[0]
+        assert isinstance(species, Species)
+        assert species.stems is not None
+        scale = np.array([np.linalg.norm(pose[:3, 0]) for pose in poses])[:, None]
+        radius, height = (scale * size for size in collider.size)
+        yield Rooted(species.stems, species.yields, poses[:, None, :2, 3], radius, height, species.grown.height)
 
 
-def _of_tufts(mesh: Mesh, poses: Array) -> Iterator[Array]:
-    """Yield the stems of each species of a clump at poses."""
+def _in_tufts(mesh: Mesh, poses: Array) -> Iterator[Rooted]:
     assert mesh.tufts is not None
     scale = np.linalg.norm(poses[:, :3, 0], axis=1)
     for number, species in enumerate(species_of(mesh)):
@@ -100,31 +132,37 @@ def _of_tufts(mesh: Mesh, poses: Array) -> Iterator[Array]:
         middle = np.einsum("nij,kj->nki", poses[:, :2, :2], own[:, :2]) + poses[:, None, :2, 3]
         height = own[:, 2] * scale[:, None]
         radius = species.radius * np.sqrt(2 * own[:, 2] / sum(species.height)) * scale[:, None]
-        usual = sum(species.height) / 2
-        yield _spread(species.stems, _ROWS[species.yields], (middle.reshape(-1, 2), radius, height), usual)
+        yield Rooted(species.stems, species.yields, middle, radius, height, sum(species.height) / 2)
+
+
+def _of_swarms(world: World) -> Iterator[Array]:
+    for swarm in (each for each in world.swarms if each.kind not in LOOSE):
+        for row, name in enumerate(swarm.meshes):
+            mesh = world.meshes[name]
+            if mesh.tufts is not None:
+                yield from map(spread, rooted_in(mesh, _inside(world, swarm, row)))
+
+
+def _inside(world: World, swarm: Swarm, row: int) -> Array:
+    """Poses (n, 4, 4) of a swarm's copies of one mesh that are in the world."""
+    inside = (np.abs(swarm.world_from_object[:, :2, 3]) < np.array(world.size) / 2 + 2.0).all(axis=1)
+    return np.asarray(swarm.world_from_object[inside & (swarm.mesh == row)])
 
 
 def _of_bushes(world: World) -> Iterator[Array]:
     for instance in world.instances:
         mesh = world.meshes[instance.mesh]
-        if mesh.tufts is None and yields_of(mesh) == "flexible" and mesh.colliders:
-            species, collider = species_of(mesh)[0], mesh.colliders[0]
-            assert isinstance(species, Species)
-            assert species.stems is not None
-            scale = float(np.linalg.norm(instance.world_from_object[:3, 0]))
-            size = np.array(collider.size) * scale
-            body = instance.world_from_object[None, :2, 3], size[:1], size[1:]
-            yield _spread(species.stems, _ROWS["flexible"], body, species.grown.height)
+        if mesh.tufts is None:
+            yield from map(spread, rooted_in(mesh, instance.world_from_object[None]))
 
 
-def _spread(stems: Stems, most: int, bodies: tuple[Array, Array, Array], usual: float) -> Array:
-    """Stems spread over discs: middles (n, 2), radii and heights [m] of n bodies, of a ``usual`` height."""
-    count = min(stems.number, most)
-    middle, radius, height = bodies[0], bodies[1].reshape(-1, 1), bodies[2].reshape(-1, 1)
-    k = np.arange(count)
-    turn = k * _TURN + np.arange(len(middle))[:, None]  # each body is turned otherwise
-    out = radius * np.sqrt(k / count)
-    stronger = (height / usual) ** 2
+def spread(rooted: Rooted) -> Array:
+    """Return rows (n * k * r, 9) of stems, those of a tuft one after another: upright in a disc, at height 0."""
+    stems, middle, height = rooted.stems, rooted.middle.reshape(-1, 2), rooted.height.reshape(-1, 1)
+    count = rooted.out.shape[-1]
+    out = rooted.out.reshape(-1, count)
+    turn = np.arange(count) * _TURN + np.arange(len(middle))[:, None]  # each body is turned otherwise
+    stronger = (height / rooted.usual) ** 2
     columns = (
         middle[:, :1] + out * np.cos(turn),
         middle[:, 1:] + out * np.sin(turn),

@@ -18,30 +18,29 @@ from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.columns import CAP, FLEXIBLE, FOOT, HARD, PASSABLE, PLANT, SOLID, Copies, Faces
 from fieldtruth.world.model import LOOSE, Mesh, World
+from fieldtruth.world.stems import bends
 
 PLANTS: Final = (Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS)
 """Classes of plants."""
 GROUNDS: Final = (Label.GROUND, Label.TRAIL, Label.ROCK)
 """Classes of objects that are ground to drive on, stones and rocks among them."""
-THIN: Final = 0.02
-"""Thickness [m] of a stem below which a robot bends it."""
 _WELD: Final = 1e-5  # [m] within which vertices are one
 _Rows = NDArray[np.int64]
 _Bytes = NDArray[np.uint8]
 
 
-def kinds_of(label: _Bytes, is_leaf: Mask, thickness: Array) -> _Bytes:
+def kinds_of(mesh: Mesh, label: _Bytes, is_leaf: Mask, thickness: Array) -> _Bytes:
     """Return what surfaces (n,) do to a robot that drives against them: SOLID, FLEXIBLE or PASSABLE.
 
-    Leaves and blades let it pass, stems thinner than ``THIN`` bend, all else stops it. This is the one place that says
-    so, until plants have a stiffness.
+    Leaves and blades let it pass, stems bend as ``world.stems.bends`` says, all else stops it.
 
     Args:
+        mesh: with the surfaces.
         label: class ids.
         is_leaf: whether they are leaves or blades.
         thickness: [m] of the body, see ``thickness_of``; infinite for leaves.
     """
-    flexible = np.isin(label, PLANTS) & (thickness < THIN)
+    flexible = np.isin(label, PLANTS) & bends(mesh, thickness)
     return np.where(is_leaf, PASSABLE, np.where(flexible, FLEXIBLE, SOLID)).astype(np.uint8)
 
 
@@ -75,7 +74,7 @@ def _closed(world: World, mesh: Mesh) -> tuple[Float32Array, _Rows, _Bytes, _Byt
     vertices = np.concatenate([mesh.vertices, tips.astype(np.float32)])
     thickness = np.full(len(label), np.inf)
     thickness[body] = thickness_of(vertices.astype(np.float64), corners[body], caps, joined)
-    kind = kinds_of(label, leaf, thickness)
+    kind = kinds_of(mesh, label, leaf, thickness)
     flags = kind + PLANT * np.isin(label, PLANTS) + HARD * (np.isin(label, GROUNDS) & ~leaf)
     flags += FOOT * ((label == Label.TRUNK) & (kind == SOLID))
     cap = body[joined]

@@ -18,6 +18,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sense.robot import robot_views
 from fieldtruth.sensors.camera.check_geometry import (
     CALIBRATION,
+    EXTRAS,
     FLOW,
     LIDAR_AND_CAMERAS,
     NORMALS,
@@ -38,7 +39,7 @@ from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler
 from fieldtruth.validation.kind_checks import KindChecks, Pass
-from fieldtruth.validation.rays import NOTHING, UNKNOWN, RayReading, RayReference, close
+from fieldtruth.validation.rays import NOTHING, UNKNOWN, RayReading, RayReference, close, same_passing
 from fieldtruth.validation.world import ClassComparison, ObjectClasses
 
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
@@ -49,7 +50,7 @@ TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,), "pixels", "no tag imag
 DEPTH_RANGE: Final = Rule("depth is infinite on the sky and within the camera's range elsewhere")
 _NO_DEPTH: Final = "no depth images: generate --extras depth makes them"
 DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,), "pixels", _NO_DEPTH)
-SAME_PIXELS: Final = Rule("cameras see the same classes, depths, instance ids and parts in the rebuilt world (sample)")
+SAME_PIXELS: Final = Rule("cameras see the same classes, depths, instance ids and extras in the rebuilt world (sample)")
 EQUAL_IMAGES: Final = Rule("images made as here are equal to the last digit", minor=True)
 _NO_TAGS: Final = "no tag images, or no true motion"
 RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
@@ -62,7 +63,7 @@ _PHOTOGRAPH_RULES: Final = (SAME_PHOTOGRAPH, SAME_MEAN, EQUAL_PHOTOGRAPHS)
 PHOTOGRAPHS: Final[Spec] = Spec("photographs", _PHOTOGRAPH_RULES, "photographs", _NO_TAGS)
 _BLOCK: Final = 8
 _NO_RAY: Final = 1e-6  # [m]
-_ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1", "parts": "mono8"}
+_ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1", "parts": "mono8", "passability": "32FC2"}
 _WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
 """Encodings where ids do not fit into 16 bits."""
 _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
@@ -71,6 +72,7 @@ _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
     "depth": read.depth,
     "instances": read.instances,
     "parts": read.parts,
+    "passability": read.passability,
 }
 
 
@@ -161,6 +163,7 @@ class _Pixels(NamedTuple):
     instance: NDArray[np.uint16] | NDArray[np.uint32] | None
     depth: Array | None
     part: NDArray[np.uint8] | None
+    passing: NDArray[np.float32] | None
     photograph: NDArray[np.uint8] | None
 
 
@@ -170,7 +173,7 @@ class RetracedImages(CameraFrameChecker):
     def __init__(
         self, context: Context, rebuilt: SensorWorld, reference: RayReference, sampler: Sampler, *, full: bool
     ) -> None:
-        super().__init__(context, ("tag", "depth", "instances", "parts", *["photograph"] * full))
+        super().__init__(context, ("tag", "depth", "instances", *EXTRAS, *["photograph"] * full))
         self._rebuilt, self._reference, self._sampler, self._full = rebuilt, reference, sampler, full
         self.tallies = [context.tally(RETRACED_IMAGES), context.tally(PHOTOGRAPHS)]
         notes = "all images" if full else "a sample of the images", context.made_elsewhere
@@ -214,9 +217,11 @@ class RetracedImages(CameraFrameChecker):
                 UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, pulsed=False,
                 in_base=(mount[:3, 3], mount[:3, :3] @ along), stamp_ns=frame.stamp_ns,
                 part=UNKNOWN if bag.part is None else int(bag.part[v, u]),
+                passing=None if bag.passing is None else bag.passing[v, u],
             )  # fmt: skip
 
-        same, equal = _same(bag, own)
+        passing = None if bag.passing is None else self._rebuilt.passability.of(own.top, own.label)
+        same, equal = _same(bag, own, passing)
         retraced, photographs = (tally.part() for tally in self.tallies)
         if not self.context.made_elsewhere:
             retraced[EQUAL_IMAGES].see(equal, frame.at("tag"))
@@ -254,6 +259,7 @@ def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
                 read.instances(parts["instances"]) if "instances" in parts else None,
                 read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
                 read.parts(parts["parts"]) if "parts" in parts else None,
+                read.passability(parts["passability"]) if "passability" in parts else None,
                 read.image(parts["photograph"]) if "photograph" in parts else None,
             )
     except (FieldtruthError, ValueError):
@@ -261,13 +267,15 @@ def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
     return found if all(part is None or part.shape[:2] == shape for part in found) else None
 
 
-def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
+def _same(bag: _Pixels, own: LabelImages, passing: NDArray[np.float32] | None) -> tuple[Mask, bool]:
     """Return the mask (h, w) of pixels that are the same, and whether all of them are to the last digit."""
     same = bag.label == own.label
     if bag.instance is not None:
         same &= bag.instance == own.instance
     if bag.part is not None:
         same &= bag.part == own.part
+    if bag.passing is not None and passing is not None:
+        same &= same_passing(bag.passing, passing)
     equal = bool(same.all())
     if bag.depth is not None:
         depth = np.where(own.depth > 0, own.depth, np.inf).astype(np.float64)

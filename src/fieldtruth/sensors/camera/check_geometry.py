@@ -45,7 +45,9 @@ from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import LabelledPoints
 
-PARTS: Final = ("photograph", "tag", "depth", "instances", "parts")
+EXTRAS: Final = ("parts", "passability")
+"""Streams that are retraced with the classes."""
+PARTS: Final = ("photograph", "tag", "depth", "instances", *EXTRAS)
 """Streams of which a frame consists."""
 WAITING: Final = 3
 """Frames of each view of which parts are awaited; each has some megabytes."""

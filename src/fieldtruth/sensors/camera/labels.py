@@ -26,7 +26,7 @@ from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, 
 from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotView, hide_world, meet
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.scene import Scene, by_top
 
 _BAND: Final = 32  # rows of which the flow is computed at once
 
@@ -56,6 +56,8 @@ class LabelImages:
     pixels unless the camera's ``normals`` are on."""
     part: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     """(h, w) ``PlantPart``; it has no pixels unless the camera's ``parts`` are on."""
+    top: NDArray[np.uint32] = field(default_factory=lambda: np.zeros((0, 0), np.uint32))
+    """(h, w) Row in ``Scene.top_levels`` and 1 more; it has no pixels unless the camera's ``passability`` is on."""
 
 
 Images = TypeVar("Images", bound=LabelImages)
@@ -82,6 +84,8 @@ class LabelCamera:
         self._axes = np.array(axes * config.normals).reshape(-1, 3, 3)
         self._codes = scene.part_codes if config.parts else None
         self._hits = scene.hits if self._codes is None else self._codes.hits
+        if config.passability:
+            self._hits = by_top(self._hits)
         self.last: LabelImages | None = None
         """The images that the next call overwrites, of a camera with ``reuse``."""
 
@@ -99,9 +103,12 @@ class LabelCamera:
         return self._decoded(images)
 
     def _decoded(self, images: Images) -> Images:
-        """Return images whose classes, which were codes, are classes and parts."""
+        """Return images whose classes and instance ids, which were codes and rows, are these and what the codes say."""
         if self._codes is not None:
             images.part[:] = self._codes.decode(images.label)
+        if self.config.passability:
+            images.top[:] = images.instance
+            np.take(self.scene.owners, images.top, out=images.instance)
         return images
 
     def flow(
@@ -221,6 +228,7 @@ class LabelCamera:
             depth=np.empty((h, w), np.float32),
             normal=normal,
             part=np.empty((h * self.config.parts, w), np.uint8),
+            top=np.empty((h * self.config.passability, w), np.uint32),
         )
 
     def _buffers(self, images: LabelImages) -> LabelBuffers:

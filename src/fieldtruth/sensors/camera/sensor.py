@@ -106,6 +106,11 @@ def parts(seq: int, stamp_ns: int, frame: str, part: NDArray[np.uint8]) -> bytes
     return _image(seq, stamp_ns, frame, "mono8", part)
 
 
+def passability(seq: int, stamp_ns: int, frame: str, passing: NDArray[np.float32]) -> bytes:
+    """Serialise sensor_msgs/Image, 32FC2: passability, 0 solid to 1 free, and force [N] (h, w, 2)."""
+    return _image(seq, stamp_ns, frame, "32FC2", passing.astype("<f4", copy=False))
+
+
 def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[Any]) -> bytes:
     height, width = pixels.shape[:2]
     head = ros.header(seq, stamp_ns, frame)
@@ -235,6 +240,8 @@ class CameraSensor(Sensor):
             yield flow(number, stamp, frame, reading.flow)
         if config.parts and reading.part is not None:
             yield parts(number, stamp, frame, reading.part)
+        if config.passability and reading.passability is not None:
+            yield passability(number, stamp, frame, reading.passability)
 
     def _image(self, images: CameraImages, imager: Imager, at: At) -> Image:
         return Image(
@@ -247,7 +254,11 @@ class CameraSensor(Sensor):
             normal=images.normal if self.config.normals else None,
             flow=self._flow(images, imager, at) if self.config.flow else None,
             part=images.part if self.config.parts else None,
+            passability=self._passability(images) if self.config.passability else None,
         )
+
+    def _passability(self, images: CameraImages) -> NDArray[np.float32]:
+        return self.sensor_world.passability.of(images.top, images.label)
 
     def _flow(self, images: CameraImages, imager: Imager, at: At) -> NDArray[np.float32]:
         """Flow to the next image of the view; unknown after the last."""

@@ -8,7 +8,7 @@ the signal's figures give the deviation of its range and the probability that it
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -25,7 +25,7 @@ from fieldtruth.drive.track import poses_at
 from fieldtruth.experiment.rig import Rig, visible_parts
 from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.kind import SensorWorld
-from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
+from fieldtruth.sensors.lidar.config import PASSING, LidarConfig, LidarSignal
 from fieldtruth.sensors.lidar.sensing import (
     IdealLidar,
     Lidar,
@@ -38,7 +38,7 @@ from fieldtruth.sensors.lidar.sensing import (
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, Sampler, at
 from fieldtruth.validation.kind_checks import KindChecks, LabelledPoints, Pass
-from fieldtruth.validation.rays import UNKNOWN, RayReading, RayReference, close
+from fieldtruth.validation.rays import UNKNOWN, RayReading, RayReference, close, same_passing
 from fieldtruth.validation.world import ClassComparison, ObjectClasses
 
 BIAS: Final = Rule("ranges have no bias, within 5 standard errors and 2 %")
@@ -97,9 +97,10 @@ class DenseCloud(NamedTuple):
     label: NDArray[np.uint16]
     instance: NDArray[np.uint32]
     part: NDArray[np.uint8]
+    passing: NDArray[np.float32]
 
     @classmethod
-    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "DenseCloud":
+    def of(cls, config: LidarConfig, column: Any, ring: Any, values: Sequence[Any]) -> "DenseCloud":
         """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
         number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
         inside = (number >= 0) & (number < count)
@@ -108,8 +109,9 @@ class DenseCloud(NamedTuple):
             np.zeros(count, np.uint16),
             np.zeros(count, np.uint32),
             np.zeros(count, np.uint8),
+            np.zeros((count, 2), np.float32),
         ]
-        for part, value in zip(parts, values, strict=config.parts):
+        for part, value in zip(parts, values, strict=True):
             part[number[inside]] = value[inside]
         return cls(*parts)
 
@@ -118,9 +120,10 @@ class DenseCloud(NamedTuple):
         return DenseCloud._make(values[:count] for values in self)
 
     def labelled_as(self, other: "DenseCloud", where: Mask) -> "DenseCloud":
-        """The same with class, instance and part of another one where ``where`` is true."""
+        """The same with all but the points of another one where ``where`` is true."""
         label, instance = np.where(where, other.label, self.label), np.where(where, other.instance, self.instance)
-        return DenseCloud(self.xyz, label, instance, np.where(where, other.part, self.part))
+        passing = np.where(where[:, None], other.passing, self.passing)
+        return DenseCloud(self.xyz, label, instance, np.where(where, other.part, self.part), passing)
 
 
 def expected_signal(signal: LidarSignal, echoes: EchoBuffers) -> Array:
@@ -383,8 +386,11 @@ class RetracedClouds(Checker):
             directions = rays_at(config, raw.stamp_ns)
             cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            part = [cloud["part"]] if config.parts else []
-            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"], *part)
+            part = cloud["part"] if config.parts else np.zeros(len(cloud), np.uint8)
+            zeros = np.zeros(len(cloud), np.float32)
+            passing = np.stack([cloud[name] if config.passability else zeros for name in PASSING], axis=-1)
+            values = xyz, cloud["label"], cloud["instance"], part, passing
+            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], values)
         except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
@@ -392,8 +398,11 @@ class RetracedClouds(Checker):
             lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
-        part = [scan.part] * config.parts
-        own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance, *part)
+        passes = np.zeros((len(scan.top), 2), np.float32)
+        if config.passability:
+            passes = self._rebuilt.passability.of(scan.top, scan.label)
+        values = scan.xyz, scan.label, scan.instance, scan.part, passes
+        own = DenseCloud.of(config, scan.column, scan.ring, values)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:
@@ -403,7 +412,7 @@ class RetracedClouds(Checker):
             # A particle or an edge may have made the echo; the true range is that of the middle of the beam.
             bag = bag.labelled_as(own, (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1))
         same = np.equal(bag.label, own.label)[checked] & np.equal(bag.instance, own.instance)[checked]
-        same &= np.equal(bag.part, own.part)[checked]
+        same &= (np.equal(bag.part, own.part) & same_passing(bag.passing, own.passing))[checked]
         equal = bool(same.all()) and np.array_equal(bag.xyz[checked], own.xyz[checked])
         same &= close(bag.xyz[checked], own.xyz[checked]).all(axis=1)
 
@@ -420,6 +429,7 @@ class RetracedClouds(Checker):
                 in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
                 stamp_ns=raw.stamp_ns + int(ray_times_ns(config)[column, ring]) * config.spinning,
                 part=int(bag.part[k]) if config.parts else UNKNOWN,
+                passing=bag.passing[k] if config.passability else None,
             )  # fmt: skip
 
         tally = self._tally.part()

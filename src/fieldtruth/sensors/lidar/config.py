@@ -90,6 +90,8 @@ _MAKERS: Final = {
 """Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
 MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
 """Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
+PASSING: Final = ("passability", "force")
+"""Fields of a LiDAR with ``passability``."""
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 
 
@@ -103,7 +105,7 @@ class LidarConfig(ScanningConfig):
     sections: ClassVar[Mapping[str, Section]] = {"lidar": Section()}
     switch: ClassVar[str] = "lidar"
     datasheet: ClassVar[str] = "os1_64_gen1"
-    extras: ClassVar[tuple[str, ...]] = ("parts",)
+    extras: ClassVar[tuple[str, ...]] = ("parts", "passability")
 
     kind: Literal["lidar"] = "lidar"
     name: SensorName = "lidar"
@@ -123,6 +125,8 @@ class LidarConfig(ScanningConfig):
     """Of points: the class id, as in the paper, or with a ``signal`` the reflectivity, 1 for a white surface."""
     parts: Boolean = False
     """True: points have the field ``part``, a ``PlantPart``."""
+    passability: Boolean = False
+    """True: points have the fields ``passability``, 0 solid to 1 free, and ``force`` [N]."""
     organised: Boolean = False
     """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
     signal: LidarSignal | None = None
@@ -146,7 +150,8 @@ class LidarConfig(ScanningConfig):
         own = _MAKERS[maker] if maker else _RING
         measured = [] if self.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
         part = [("part", "|u1")] * self.parts
-        return np.dtype([*_XYZI, *time, *own, *ids, *measured, *part], align=True)
+        passing = [(name, "<f4") for name in PASSING] * self.passability
+        return np.dtype([*_XYZI, *time, *own, *ids, *measured, *part, *passing], align=True)
 
     def cloud_fields(self) -> dict[str, str]:
         """Return NumPy's type of each field of its clouds."""

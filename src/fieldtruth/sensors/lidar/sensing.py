@@ -17,7 +17,7 @@ mean by power, where the peak of a waveform is that has not separated (Wagner an
 from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +46,16 @@ from fieldtruth.kernels.packets import LANES, Grid, SceneRays, new_packet
 from fieldtruth.sense.air import LIGHT_SPEED, Beam, make_air
 from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import REFLECTANCE, RobotScan
-from fieldtruth.sense.scene import Scene, grid_of
+from fieldtruth.sense.scene import Scene, by_top, grid_of
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
 from fieldtruth.world.model import ROBOT_ID, Material, Raster, Terrain, World
 from fieldtruth.world.seasons.change import hidden_share
 
 CLASS_ITSELF: Final = np.arange(256, dtype=np.uint8)
 """Class of a code where the hit table has classes."""
+NO_OWNERS: Final = np.zeros(0, np.uint32)
+"""Owners where the hit table has instance ids."""
+_Points = TypeVar("_Points", Scan, Reading)
 
 
 def column_times_ns(config: LidarConfig) -> NDArray[np.int64]:
@@ -140,7 +143,7 @@ def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
 
 
 def _new_scan(count: int) -> Scan:
-    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, np.uint8)
+    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, np.uint32, np.uint8)
     return Scan(np.empty((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
 
 
@@ -259,7 +262,8 @@ def _ground(world: World) -> Grid:
 
 def new_reading(count: int) -> Reading:
     """Return an empty reading of so many points."""
-    kinds = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32, *3 * (np.float32,), *3 * (np.uint8,))
+    ids = (np.float32, np.uint8, np.uint32, np.uint16, np.uint16, np.uint32)
+    kinds = (*ids, *3 * (np.float32,), *2 * (np.uint8,), np.uint32, np.uint8)
     return Reading(np.zeros((count, 3), np.float32), *(np.zeros(count, kind) for kind in kinds))  # type: ignore[arg-type]
 
 
@@ -318,8 +322,12 @@ class WeatherInAir:
         add_weather(self._air, self._least, key, upwards, directions, echoes)
 
 
-def sub_rays_of(signal: LidarSignal, class_of: NDArray[np.uint8] = CLASS_ITSELF) -> SubRays:
-    """Rays of a beam of a signal: one, or at least three of them; ``class_of`` (256,) of codes in the hit table.
+def sub_rays_of(
+    signal: LidarSignal,
+    class_of: NDArray[np.uint8] = CLASS_ITSELF,
+    object_of: NDArray[np.uint32] = NO_OWNERS,
+) -> SubRays:
+    """Rays of a beam of a signal: one, or at least three of them; see ``SubRays`` for the tables.
 
     A beam's irradiance is a Gaussian of the angle, exp(-r^2 / 2 s^2) with s = FWHM / sqrt(8 ln 2). One ray in its
     middle with half of the power, and the others in a ring of radius 2 s with the rest, have its moments up to the
@@ -350,10 +358,12 @@ def sub_rays_of(signal: LidarSignal, class_of: NDArray[np.uint8] = CLASS_ITSELF)
         clear=np.zeros(memory),
         power=np.zeros(memory),
         code=np.zeros(memory, np.int64),
+        owner=np.zeros(memory, np.int64),
         label=np.zeros(memory, np.int64),
         instance=np.zeros(memory, np.int64),
         order=np.zeros(count, np.int64),
         class_of=class_of,
+        object_of=object_of,
     )
 
 
@@ -390,8 +400,12 @@ class IdealLidar:
         directions, time = ray_directions(config), np.zeros(config.columns + 1)
         self._beams = Beams(directions, ring_lag(config), config.min_range, config.max_range, returns, time)
         self._codes = scene.part_codes if config.parts else None
-        self._class_of = CLASS_ITSELF if self._codes is None else self._codes.label
-        self._rays, self._middle = sub_rays_of(LidarSignal(), self._class_of), sub_rays_of(LidarSignal())
+        self._hits = scene.hits if self._codes is None else self._codes.hits
+        self._owners = NO_OWNERS
+        if config.passability:
+            self._hits, self._owners = by_top(self._hits), scene.owners
+        self._tables = CLASS_ITSELF if self._codes is None else self._codes.label, self._owners
+        self._rays, self._middle = sub_rays_of(LidarSignal(), *self._tables), sub_rays_of(LidarSignal())
         self.workers = 1
         """Threads that trace a scan together; they change no bit of it."""
         self._others = list[SubRays]()  # memory of the other threads
@@ -415,7 +429,15 @@ class IdealLidar:
         collect_returns(self._beams.directions, self._echoes, found)
         if traced.moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found if self._codes is None else found._replace(part=self._codes.decode(found.label))
+        return self._decoded(found)
+
+    def _decoded(self, found: _Points) -> _Points:
+        """Return points whose classes and instance ids, which were codes and rows, are these and what the codes say."""
+        if self._codes is not None:
+            found = found._replace(part=self._codes.decode(found.label))
+        if len(self._owners):
+            found = found._replace(instance=np.take(self._owners, found.instance), top=found.instance)
+        return found
 
     def trace(self, world_from_lidar: Array, stamp_ns: int) -> Traced:
         """Fill the buffers of echoes from poses, as ``scan`` takes them.
@@ -438,11 +460,11 @@ class IdealLidar:
 
     def _trace_columns(self, scene: SceneRays, poses: Array) -> None:
         """Fill the buffers of echoes, each thread a span of columns."""
-        hits, columns = self.scene.hits if self._codes is None else self._codes.hits, self.config.columns
+        hits, columns = self._hits, self.config.columns
         tiles = -(-columns // TILE_COLUMNS)
         bounds = [min(tiles * k // self.workers * TILE_COLUMNS, columns) for k in range(self.workers + 1)]
         while len(self._others) < self.workers - 1:
-            self._others.append(sub_rays_of(self.config.signal or LidarSignal(), self._class_of))
+            self._others.append(sub_rays_of(self.config.signal or LidarSignal(), *self._tables))
 
         def trace(work: tuple[SubRays, tuple[int, int]]) -> None:
             trace_echoes(scene, hits, self._surfaces, poses, self._beams, *work, self._echoes)
@@ -526,7 +548,7 @@ class Lidar(IdealLidar):
         self._in_air = in_air
         self._seed = scene.world.seed if seed is None else seed
         self._receiver, self._surfaces = receiver_of(signal), surface_table(scene)
-        self._rays = sub_rays_of(signal, self._class_of)
+        self._rays = sub_rays_of(signal, *self._tables)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
 
@@ -553,7 +575,7 @@ class Lidar(IdealLidar):
         found = Reading._make(values[:count].copy() for values in self._points)
         if traced.moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found if self._codes is None else found._replace(part=self._codes.decode(found.label))
+        return self._decoded(found)
 
     def echoes(self, world_from_lidar: Array, stamp_ns: int = 0) -> EchoBuffers:
         """Echoes before what the air and the receiver make of them; overwritten by the next scan."""

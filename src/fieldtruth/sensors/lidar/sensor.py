@@ -13,11 +13,12 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as P
 from fieldtruth.bag import messages as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
+from fieldtruth.drive.passability import Passability
 from fieldtruth.experiment.sensor_config import Output
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sensors.kind import At, Rays, Sensor, SensorWorld
-from fieldtruth.sensors.lidar.config import MEASURED, LidarConfig
+from fieldtruth.sensors.lidar.config import MEASURED, PASSING, LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, Lidar, Traced, ray_directions, sweep_times_ns
 
 _DATATYPES: Final = {
@@ -40,7 +41,7 @@ def point_cloud(
     [ns] the time of the ray, and its ``tag`` zero: a sure return. An organised cloud has a row for each ring, NaN as
     coordinates of rays without a return, and zero in their other fields but ring and column.
     """
-    measured: Mapping[str, NDArray[Any]] = scan.others if isinstance(scan, Cloud) else _others(scan, config)
+    measured: Mapping[str, NDArray[Any]] = scan.others if isinstance(scan, Cloud) else _others(scan, config, None)
     t_ns = np.zeros(len(scan.xyz), np.int64) if scan.t_ns is None else scan.t_ns.astype(np.int64)
     kind, clock, maker = config.point_type(wide_ids=wide_ids), config.time_field, config.point_fields
     points = np.zeros(len(scan.xyz), kind)
@@ -79,10 +80,13 @@ def point_cloud(
     return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
 
 
-def _others(scan: Scan | Reading, config: LidarConfig) -> dict[str, NDArray[Any]]:
-    """Return the fields that a LiDAR has with a signal, and with parts."""
+def _others(scan: Scan | Reading, config: LidarConfig, passing: Passability | None) -> dict[str, NDArray[Any]]:
+    """Return the fields that a LiDAR has with a signal, and with extras."""
     names = [*(MEASURED if config.signal is not None else ()), *["part"] * config.parts]
-    return {name: getattr(scan, name) for name in names}
+    found = {name: getattr(scan, name) for name in names}
+    if passing is not None:
+        found |= zip(PASSING, passing.of(scan.top, scan.label).T, strict=True)
+    return found
 
 
 def _organised(points: NDArray[np.void], config: LidarConfig) -> NDArray[np.void]:
@@ -142,5 +146,5 @@ class LidarSensor(Sensor):
             ring=scan.ring,
             column=scan.column,
             t_ns=scan.t_ns if self.config.spinning else None,
-            others=_others(scan, self.config),
+            others=_others(scan, self.config, self.sensor_world.passability if self.config.passability else None),
         )
