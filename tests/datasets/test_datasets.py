@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample
 
-LACKING = ("normals", "flow", "parts", "part_mask")
+LACKING = ("normals", "flow", "parts", "part_mask", "passability", "passability_mask")
 """Items that the small run does not have."""
 ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in LACKING)
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"

@@ -24,7 +24,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, Meaning, RunDataset, Sample, collate
 from fieldtruth.ontology import label_map_of
 
-LACKING = ("normals", "flow", "parts", "part_mask")
+LACKING = ("normals", "flow", "parts", "part_mask", "passability", "passability_mask")
 """Items that the small run does not have."""
 ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in LACKING)
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"

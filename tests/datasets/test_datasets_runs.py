@@ -211,7 +211,7 @@ def same(batch: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> None:
 @pytest.mark.filterwarnings("error")
 def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
     torch = pytest.importorskip("torch")
-    lacking = ("normals", "flow", "parts", "part_mask")
+    lacking = ("normals", "flow", "parts", "part_mask", "passability", "passability_mask")
     frames = list(RunDataset(small_run, [name for name in (*ITEMS, *GEOMETRY) if name not in lacking]))[:3]
     batch = collate(frames)
     same(batch, frames)

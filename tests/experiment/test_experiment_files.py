@@ -72,7 +72,8 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
     }
     one_robot = park.model_dump(mode="json", exclude=unused)
     for sensor in one_robot["rig"]["sensors"]:
-        assert not sensor.pop("parts", False)  # nor is this one written where it is not used
+        for extra in ("parts", "passability"):  # nor are these written where they are not used
+            assert not sensor.pop(extra, False)
     assert values == one_robot
     [lidar] = [sensor for sensor in values["rig"]["sensors"] if sensor["kind"] == "lidar"]
     assert lidar["columns"] == 512  # a default that the built-in file does not set

@@ -180,7 +180,12 @@ def test_readme_lists_all_files_and_columns(made: Path) -> None:
     for name, columns in lines:
         assert len(columns.split()) == np.loadtxt(made / name, ndmin=2).shape[1]
     missing = re.findall(r"\((/\S+)\)", text.partition("Missing")[2])
-    assert {topic.split("/")[-1] for topic in missing} == {"normals", "flow", "parts"}  # which the run lacks
+    assert {topic.split("/")[-1] for topic in missing} == {
+        "normals",
+        "flow",
+        "parts",
+        "passability",
+    }  # which the run lacks
     assert max(map(len, text.splitlines())) <= 120
 
 

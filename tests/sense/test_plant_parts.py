@@ -79,16 +79,24 @@ def all_but_part(values: tuple[Any, ...]) -> list[Any]:
     return list(values[:-1])
 
 
-@pytest.mark.parametrize("signal", [None, {}, {"sub_rays": 7, "divergence_deg": 0.4, "pulse_length": 1.0}])
-def test_parts_change_nothing_else_of_a_scan(signal: dict[str, Any] | None) -> None:
-    """A stem before a branch of the same tree: a wide beam that meets both makes one echo of one class."""
+def stem_and_branch() -> Scene:
+    """Two walls of one object, one behind the other: a stem before a branch."""
     made = []
     for name, x, left, right, part in (("front", 5.0, 3.0, 0.0, 1), ("back", 5.4, 3.0, -3.0, 2)):
         wall = quad(name, [[x, right, -9], [x, left, -9], [x, left, 9], [x, right, 9]], "bark")
         made.append((replace(wall, part=np.full(2, part, np.uint8)), at(0, 0, 0)))
-    scene = floating(*made)
-    world = replace(scene.world, instances=tuple(replace(each, object_id=2) for each in scene.world.instances))
-    scene, own = Scene(world), None if signal is None else LidarSignal.model_validate({"returns": "two", **signal})
+    world = floating(*made).world
+    return Scene(replace(world, instances=tuple(replace(each, object_id=2) for each in world.instances)))
+
+
+SIGNALS = [None, {}, {"sub_rays": 7, "divergence_deg": 0.4, "pulse_length": 1.0}]
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_parts_change_nothing_else_of_a_scan(signal: dict[str, Any] | None) -> None:
+    """A stem before a branch of the same tree: a wide beam that meets both makes one echo of one class."""
+    scene = stem_and_branch()
+    own = None if signal is None else LidarSignal.model_validate({"returns": "two", **signal})
     config = LidarConfig(columns=4096, rings=16, vertical_fov_deg=1.0, signal=own, min_range=0.1)
     plain, parts = (Lidar(config.model_copy(update={"parts": on}), scene).scan(at(0, 0, 0)) for on in (False, True))
     for mine, theirs in zip(all_but_part(plain), all_but_part(parts), strict=True):
@@ -99,6 +107,23 @@ def test_parts_change_nothing_else_of_a_scan(signal: dict[str, Any] | None) -> N
     aside = parts.xyz[:, 1] > 0.1
     assert (parts.part[aside] == 1).all()
     assert (parts.part[parts.xyz[:, 1] < -0.1] == 2).all()
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_rows_of_meshes_change_nothing_else_of_a_scan(signal: dict[str, Any] | None) -> None:
+    """Copies of a swarm, which have one instance id and merge in an echo, are told apart."""
+    own = None if signal is None else LidarSignal.model_validate({"returns": "two", **signal})
+    config = LidarConfig(columns=4096, rings=16, vertical_fov_deg=1.0, signal=own, min_range=0.1)
+    scene = stem_and_branch()
+    plain, rows = (
+        Lidar(config.model_copy(update={"passability": on}), scene).scan(at(0, 0, 0)) for on in (False, True)
+    )
+    for name in plain._fields:
+        assert name == "top" or np.array_equal(getattr(plain, name), getattr(rows, name))
+    assert not plain.top.any()
+    first = 2 + (scene.world.backdrop is not None)
+    assert set(rows.top[rows.xyz[:, 1] > 0.1]) == {first}
+    assert set(rows.top[rows.xyz[:, 1] < -0.1]) == {first + 1}
 
 
 def test_a_particle_in_the_air_has_no_part() -> None:

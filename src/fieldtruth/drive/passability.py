@@ -65,8 +65,11 @@ def forces_on(mesh: Mesh, poses: Array, robot: RobotConfig) -> Array:
     return work / (2.0 * farthest + elastica()[1] * low)
 
 
-def _of_copies(world: World, kind: str, mesh: Mesh, poses: Array, robot: RobotConfig) -> Array:
-    """Force [N] (n,) of copies of a mesh."""
+def forces_of_copies(world: World, kind: str, mesh: Mesh, poses: Array, robot: RobotConfig) -> Array:
+    """Return the force [N] (n,) that presses down copies of a mesh, of objects of a kind, at poses (n, 4, 4).
+
+    What is loose, passable by its mesh, or ground without a collider takes none; what is solid, an infinite one.
+    """
     labels = {world.materials[name].label for name in mesh.materials}
     bears = not mesh.colliders and mesh.tufts is None and labels <= _BEARS
     if kind in LOOSE or mesh.passable or bears:
@@ -77,6 +80,11 @@ def _of_copies(world: World, kind: str, mesh: Mesh, poses: Array, robot: RobotCo
     return np.concatenate([np.zeros(0), *(forces_on(mesh, block, robot) for block in blocks)])
 
 
+def passability_of(force: Array, robot: RobotConfig) -> Array:
+    """Return the passability (n,), 0 solid to 1 free, of what takes a force [N] (n,) to press down."""
+    return np.maximum(1.0 - force / (GRIP * robot.mass * GRAVITY), 0.0)
+
+
 def _forces(world: World, robot: RobotConfig) -> Iterator[Array]:
     """Yield the forces [N] of nothing, the terrain and the backdrop; of the objects; and of each swarm."""
     yield np.array([0.0, 0.0, np.inf][: 2 + (world.backdrop is not None)])
@@ -84,13 +92,13 @@ def _forces(world: World, robot: RobotConfig) -> Iterator[Array]:
     for name in np.unique(names).tolist():
         copies = [world.instances[row] for row in np.flatnonzero(names == name)]
         poses = np.array([each.world_from_object for each in copies])
-        forces[names == name] = _of_copies(world, copies[0].kind, world.meshes[name], poses, robot)
+        forces[names == name] = forces_of_copies(world, copies[0].kind, world.meshes[name], poses, robot)
     yield forces
     for swarm in world.swarms:
         forces = np.zeros(len(swarm.mesh))
         for row, name in enumerate(swarm.meshes):
             of = swarm.mesh == row
-            forces[of] = _of_copies(world, swarm.kind, world.meshes[name], swarm.world_from_object[of], robot)
+            forces[of] = forces_of_copies(world, swarm.kind, world.meshes[name], swarm.world_from_object[of], robot)
         yield forces
 
 
@@ -108,18 +116,15 @@ class Passability:
 
     def __init__(self, world: World, robot: RobotConfig, bodies: int = 0) -> None:
         self._backdrop = 2 if world.backdrop is not None else -1
-        self.force: Float32Array = np.concatenate([*_forces(world, robot), np.full(bodies, np.inf)]).astype(np.float32)
-        """(numbers,) [N]."""
-        with np.errstate(over="ignore"):
-            free = 1.0 - self.force / np.float32(GRIP * robot.mass * GRAVITY)
-        self.share: Float32Array = np.maximum(free, np.float32(0.0))
-        """(numbers,) 0 solid to 1 free."""
+        force = np.concatenate([*_forces(world, robot), np.full(bodies, np.inf)])
+        self.values: Float32Array = np.stack([passability_of(force, robot), force], axis=-1).astype(np.float32)
+        """(numbers, 2) Passability, 0 solid to 1 free, and force [N]."""
 
     def of(self, number: NDArray[np.uint32] | Index, label: NDArray[np.uint8]) -> Float32Array:
         """Return passability and force [N], (..., 2), of copies by number and of their classes, of any shape.
 
         The backdrop has one number: its plants are solid, the rest of it is ground.
         """
-        found = np.stack([self.share[number], self.force[number]], axis=-1)
+        found = np.take(self.values, number, axis=0)
         found[(number == self._backdrop) & ~np.isin(label, _PLANTS)] = (1.0, 0.0)
         return found

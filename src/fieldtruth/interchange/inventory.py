@@ -12,6 +12,7 @@ The same layers give the same bytes: the date of the last change is fixed.
 import csv
 import sqlite3
 import struct
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.core.yaml_io import package_data
+from fieldtruth.drive.passability import forces_of_copies, passability_of
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.interchange.surfaces import beyond_edge
 from fieldtruth.world.model import Material, Mesh, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
@@ -312,9 +315,13 @@ def inventory_rows(world: World, items: Sequence[Item]) -> list[tuple[Value, ...
     # The terrain ends at the edge; beyond it objects stand with their origin on the ground.
     positions[inside, 2] = world.terrain.field.height_at(*positions[inside, :2].T)
     geodetic = geodetic_from_world(positions, world.origin)
+    forces = _forces(world, items)
+    passability = passability_of(forces, RobotConfig())
     measures: dict[str, Measures] = {}
     rows = []
-    for item, position, (latitude, longitude, _) in zip(items, positions, geodetic, strict=True):
+    for item, position, (latitude, longitude, _), force, share in zip(
+        items, positions, geodetic, forces.tolist(), passability.tolist(), strict=True
+    ):
         if item.mesh not in measures:
             measures[item.mesh] = measure(world.meshes[item.mesh], world.materials)
         species = world.meshes[item.mesh].species
@@ -330,10 +337,24 @@ def inventory_rows(world: World, items: Sequence[Item]) -> list[tuple[Value, ...
             "ground_height_m": position[2],
             "x_m": position[0],
             "y_m": position[1],
+            "force_n": force if np.isfinite(force) else np.nan,
+            "passability": share,
             **_measured(measures[item.mesh], item.world_from_object, position),
         }
         rows.append(tuple(_plain(name, values[name]) for name in COLUMNS))
     return rows
+
+
+def _forces(world: World, items: Sequence[Item]) -> Array:
+    """Force [N] (n,) with which the paper's robot presses down objects; infinite if they are solid."""
+    forces = np.zeros(len(items))
+    rows = defaultdict[tuple[str, str], list[int]](list)
+    for row, item in enumerate(items):
+        rows[item.kind, item.mesh].append(row)
+    for (kind, mesh), own in rows.items():
+        poses = np.array([items[row].world_from_object for row in own])
+        forces[own] = forces_of_copies(world, kind, world.meshes[mesh], poses, RobotConfig())
+    return forces
 
 
 def scientific_name(species: str) -> str:
