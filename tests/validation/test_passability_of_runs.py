@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from changed_bags import POINTS, rewritten
 from numpy.typing import NDArray
-from small_park import in_small_park
+from small_park import in_small_park, small_park
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.messages import STORE
@@ -21,9 +21,12 @@ from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import RunDataset
+from fieldtruth.drive.passability import Passability
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
+from fieldtruth.interchange.inventory import COLUMNS, inventory_rows, named_objects, swarm_members
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.camera import sensor as write
 from fieldtruth.validation import Check
@@ -85,6 +88,17 @@ def test_trunks_are_solid_and_ground_and_sky_are_free(runs: dict[str, Path]) -> 
     grass = label == Label.HIGH_GRASS
     assert ((share[grass] > 0.99) & (force[grass] < 3.0)).all()
     assert force[grass].max() > 0.0
+
+
+def test_the_inventory_has_the_values_of_the_sensors() -> None:
+    world = small_park()
+    items = [*named_objects(world), *swarm_members(world)]
+    column = list(COLUMNS).index("force_n")
+    rows = [row[column : column + 2] for row in inventory_rows(world, items)]
+    values = Passability(world, Rig().robot).values[-len(items) :]
+    for (force, share), (expected, own) in zip(rows, values[:, ::-1].tolist(), strict=True):
+        assert share == pytest.approx(own, abs=1e-4)
+        assert force is None if np.isinf(expected) else force == pytest.approx(expected, abs=1e-4)
 
 
 def test_files_and_tables_have_them(runs: dict[str, Path], tmp_path: Path) -> None:
