@@ -4,11 +4,13 @@
 
 python benchmarks/cost.py steps                           greatest step of each robot
 python benchmarks/cost.py curves docs/cost_curves.png     slip and energy of a Husky by slope and soil
-python benchmarks/cost.py scheme park FULL.npz            error of the scheme against a map of `fieldtruth cost --full`
+python benchmarks/cost.py sweeps park -1,-1,1,1 [SPOTS]   sweeps of an area against its spots driven singly, or some
 python benchmarks/cost.py picture park PICTURE MAP.npz... maps of robots beside what is there
 """
 
 import sys
+import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import fieldtruth as ft
-from fieldtruth.cost.scheme import found_costs
 from fieldtruth.cost.stretch import Cause, Passage, SpotRobot
-from fieldtruth.cost.tiles import Order, TileDrives, tolerances
+from fieldtruth.cost.tiles import Order, TileDrives
 from fieldtruth.experiment.catalogue import ROBOTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.world.model import Heightfield, Raster, World
+from fieldtruth.world_maps import grid_of
 from fieldtruth.world_maps.layers import Grid
 
 SOILS = ("paving", "trodden_earth", "lawn", "forest_floor", "scree", "sand")
@@ -105,46 +107,37 @@ def read(path: str) -> tuple[Layers, Grid, int]:
     return layers, grid, sum(name.startswith("cause_v1_h") for name in layers)
 
 
-def of_headings(layers: Layers, name: str) -> NDArray[Any]:
-    """Return a layer of all headings (n, m, h)."""
-    return np.stack([layers[key] for key in sorted(layers) if key.startswith(f"{name}_v1_h")], axis=-1)
-
-
-def scheme(environment: str, path: str) -> None:
-    """Print what the scheme drives of a full map, and how far it is from it, by the tolerances times a factor."""
-    layers, grid, headings = read(path)
-    cause = of_headings(layers, "cause")
-    values = np.stack([of_headings(layers, name) for name in Passage._fields], axis=-1)
-    first = round(1.0 / grid.resolution)
-    n, m = ((count - 1) // first * first + 1 for count in grid.shape)
-    order = Order(Rig(), grid._replace(shape=(n, m)), headings, first)
-    x, y = (
-        np.asarray(start + (np.arange(k) + 0.5) * grid.resolution, np.float64)
-        for start, k in ((grid.x0, n), (grid.y0, m))
-    )
-    hazard = TileDrives(ft.load_world(environment, 0), order).hazard(x, y, 1.0)
-    true = values[:n, :m].astype(np.float64)
-    passes = (cause[:n, :m] == Cause.PASSES).mean()
-    print(f"{n} x {m} cells, {headings} headings; {passes:.3f} pass, {hazard.mean():.3f} near hazards")
-    for factor in (0.0, 0.5, 1.0, 1.5, 2.0, 4.0, np.inf):
-        alike = tolerances(order.rig.robot, 1.0) * (factor if factor else -1.0)
-
-        def drive(i: int, j: int, k: int) -> tuple[Cause, Passage]:
-            return Cause(int(cause[i, j, k])), Passage(*values[i, j, k].tolist())
-
-        found = found_costs((n, m, headings), drive, hazard, first, np.nan_to_num(alike, nan=np.inf))
-        both = (found.cause == 0) & (cause[:n, :m] == 0)
-        wrong = found.cause != cause[:n, :m]
-        off = np.abs(found.values - true)[both & ~found.driven]
-        figures = [
-            f"{name} {np.mean(d):.4f} ({np.percentile(d, 95):.4f})"
-            for name, d in zip(Passage._fields, off.T, strict=True)
-            if len(d)  # without tolerance all are driven
-        ]
-        print(
-            f"factor {factor:g}: {found.driven.mean():.3f} driven; cause wrong {wrong.mean():.4f}; "
-            + ", ".join(figures)
-        )
+def sweeps(environment: str, area: str, count: str = "1000000") -> None:
+    """Print processor times of sweeps over an area and of its spots, or some of them, and how the outcomes differ."""
+    world = ft.load_world(environment, 0)
+    order = Order(Rig(), grid_of(world, 0.25, [float(v) for v in area.split(",")]), 8)
+    over(world, "husky", 1.0)  # which loads the kernels
+    [tile], began = order.tiles(), time.process_time()
+    swept = TileDrives(world, order).costs(tile, 1.0)
+    took = time.process_time() - began
+    share = (swept.cause == Cause.PASSES).mean()
+    print(f"{environment}: {swept.cause.size} spots, {share:.3f} pass; swept in {took:.1f} s", flush=True)
+    spots = [
+        (k, line, n)
+        for k, angle in enumerate(order.angles())
+        for line in order.lines(tile, float(angle))
+        for n in range(len(line.spots))
+    ]
+    chosen = np.random.default_rng(0).permutation(len(spots))[: int(count)].tolist()
+    robot, wrong, off = SpotRobot(world, order.rig, np.mean(order.middles(tile), axis=1)), [], []
+    began = time.process_time()
+    for k, line, n in (spots[row] for row in chosen):
+        cause, costs = robot.sweep(line.xy, line.spots[n : n + 1], float(order.angles()[k]), 1.0)[0]
+        at = line.cells[0][n], line.cells[1][n], k
+        wrong.append((int(swept.cause[at]), int(cause)))
+        off.append(np.abs(swept.values[at] - np.array(costs)))
+    print(f"{len(chosen)} singly in {time.process_time() - began:.1f} s")
+    kinds = Counter(each for each in wrong if each[0] != each[1])
+    passing = sum((a == 0) != (b == 0) for a, b in wrong) / len(wrong)
+    print(f"cause wrong: {kinds.total() / len(wrong):.4f}; whether it passes: {passing:.4f}; (swept, singly): {kinds}")
+    found = np.array(off)[~np.isnan(off).any(axis=1)]
+    for name, each in zip(Passage._fields, found.T, strict=True):
+        print(f"{name} {each.mean():.4f} ({np.percentile(each, 95):.4f}), at most {each.max():.3f}")
 
 
 def picture(environment: str, path: str, *maps: str) -> None:
@@ -187,7 +180,7 @@ def picture(environment: str, path: str, *maps: str) -> None:
 
 
 if __name__ == "__main__":
-    known: dict[str, Any] = {"steps": steps, "curves": curves, "scheme": scheme, "picture": picture}
+    known: dict[str, Any] = {"steps": steps, "curves": curves, "sweeps": sweeps, "picture": picture}
     name, *arguments = sys.argv[1:] or [""]
     if name not in known:
         print(f"error: the first argument must be one of {', '.join(known)}, got {name!r}", file=sys.stderr)

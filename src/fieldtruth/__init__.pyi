@@ -36,6 +36,7 @@ from .core.progress import Progress as Progress
 from .core.progress import show_progress as show_progress
 from .core.readings import Cloud as Cloud
 from .cost import write_cost_map as write_cost_map
+from .cost.check import validate_cost_map as validate_cost_map
 from .datasets import RunDataset as RunDataset
 from .datasets import Runs as Runs
 from .datasets import collate as collate

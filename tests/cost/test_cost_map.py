@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Maps of costs: the scheme from coarse to fine, equal bits, going on after a stop, files, bad input."""
+"""Maps of costs: lines over cells, equal bits, going on after a stop, files and their check, bad input."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,15 @@ from fieldtruth import cli
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, OutputError, UnknownNameError
 from fieldtruth.cost import cost_layers, write_cost_map
 from fieldtruth.cost import tiles as tiles_module
-from fieldtruth.cost.scheme import found_costs
-from fieldtruth.cost.stretch import Cause, Passage
-from fieldtruth.cost.tiles import Order, made_tiles
+from fieldtruth.cost.check import has_costs, validate_cost_map
+from fieldtruth.cost.stretch import Cause
+from fieldtruth.cost.tiles import Order, TileDrives, made_tiles
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.world import build
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.layers import Grid
 
 AREA = [-2.0, -0.5, 0.0, 0.5]
-TOLERANCE = np.full(len(Passage._fields), 0.1)
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def world() -> World:
     """A slope of 5 deg along x with a post."""
-    return make_world(tilted(5.0, 0.0), obstacles=[obstacle("post", "box", (0.1, 0.1, 1.0), 0.8, 0.0, z=0.05)])
+    return make_world(tilted(5.0, 0.0), obstacles=[obstacle("post", "box", (0.1, 0.1, 1.0), 0.6, 0.0, z=0.05)])
 
 
 def layers(path: Path) -> dict[str, NDArray[Any]]:
@@ -44,32 +45,20 @@ def layers(path: Path) -> dict[str, NDArray[Any]]:
         return dict(file)
 
 
-def flat(i: int, j: int, k: int) -> tuple[Cause, Passage]:
-    return Cause.PASSES, Passage(*(0.01 * i,) * len(Passage._fields))
-
-
-def test_on_even_ground_only_coarse_nodes_are_driven_and_others_are_interpolated() -> None:
-    costs = found_costs((9, 9, 2), flat, np.zeros((9, 9, 2), bool), 4, TOLERANCE)
-    assert costs.driven[::4, ::4].all()
-    assert costs.driven.sum() == 3 * 3 * 2
-    np.testing.assert_allclose(costs.values[..., 0], 0.01 * np.arange(9)[:, None, None] * np.ones((9, 9, 2)), atol=1e-6)
-
-
-def test_nodes_are_driven_at_an_edge_near_a_hazard_and_where_costs_differ() -> None:
-    def edge(i: int, j: int, k: int) -> tuple[Cause, Passage]:
-        return (Cause.HULL, Passage()) if i > 5 and k == 0 else flat(i, j, k)
-
-    hazard = np.zeros((9, 9, 2), bool)
-    hazard[1, 1, 1] = True
-    coarse, fine = (found_costs((9, 9, 2), edge, hazard, first, TOLERANCE) for first in (4, 1))
-    np.testing.assert_array_equal(coarse.cause, fine.cause)
-    assert fine.driven.all()
-    assert coarse.driven[5, :, 0].all()
-    assert coarse.driven[6, ::2, 0].all()
-    assert coarse.driven[..., 1].sum() == 9 + 1
-    steep = found_costs((9, 9, 2), lambda i, j, k: flat(10 * i, j, k), hazard, 4, TOLERANCE)
-    assert steep.driven[1::2].all()
-    assert steep.driven[2::4, ::2].all()
+@pytest.mark.parametrize("headings", [8, 24])
+def test_lines_go_through_each_cell_once_and_near_its_middle(headings: int) -> None:
+    order = Order(Rig(), Grid(-10.0, -5.0, 0.25, (30, 21)), headings)
+    x, y = order.middles((0, 0))
+    for k, angle in enumerate(order.angles()):
+        count, ahead = np.zeros((30, 21), int), np.array([math.cos(angle), math.sin(angle)])
+        for line in order.lines((0, 0), float(angle)):
+            count[line.cells] += 1
+            from_line = np.stack([x[line.cells[0]], y[line.cells[1]]], axis=-1) - line.xy
+            np.testing.assert_allclose(from_line @ ahead, line.spots, atol=1e-9)
+            assert (np.diff(line.spots) > 0.2).all()
+            beside = np.abs(from_line @ [-ahead[1], ahead[0]])
+            assert beside.max() < (1e-9 if k * 360 // headings % 45 == 0 else 0.125)
+        assert (count == 1).all()
 
 
 def test_a_map_is_that_of_its_drives(world: World, tmp_path: Path) -> None:
@@ -89,7 +78,7 @@ def test_a_map_is_that_of_its_drives(world: World, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_processes_and_a_stop_change_no_bit(world: World, tmp_path: Path, folder: Path) -> None:
-    order = Order(Rig(), Grid(-18.0, -1.0, 0.5, (66, 3)), 2, 2)  # three tiles
+    order = Order(Rig(), Grid(-18.0, -1.0, 0.5, (66, 3)), 2)  # three tiles
     one = {str(cells): costs for cells, costs in made_tiles(world, order, 1.0, 1)}
     files = sorted(folder.glob("passage-*.npz"))
     assert len(files) == 3
@@ -109,22 +98,64 @@ def test_tiles_that_are_done_are_not_driven_again(
 ) -> None:
     asked = {"to": "npz", "area": [-3.0, 0.0, -2.5, 0.5], "headings": 1, "resolution": 0.5, "workers": 1}
     first = write_cost_map(world, tmp_path / "a.npz", **asked)  # type: ignore[arg-type]
-    monkeypatch.setattr(tiles_module, "found_costs", lambda *_: pytest.fail("driven again"))
+    monkeypatch.setattr(TileDrives, "costs", lambda *_: pytest.fail("driven again"))
     second = write_cost_map(world, tmp_path / "b.npz", **asked)  # type: ignore[arg-type]
     assert first.read_bytes() == second.read_bytes()
 
 
 def test_tiles_meet_without_gaps() -> None:
-    order = Order(Rig(), Grid(-10.0, -5.0, 0.25, (81, 37)), 8, 4)
+    order = Order(Rig(), Grid(-10.0, -5.0, 0.25, (81, 37)), 8)
     covered = np.zeros((81, 37), int)
     for tile in order.tiles():
         cells = order.cells(tile)
         covered[cells] += 1
-        x, y = order.nodes(tile)
-        assert (len(x) - 1) % 4 == (len(y) - 1) % 4 == 0
-        assert len(x) >= cells[0].stop - cells[0].start
+        x, y = order.middles(tile)
+        assert (len(x), len(y)) == covered[cells].shape
         np.testing.assert_allclose(x[0], -10.0 + (cells[0].start + 0.5) * 0.25)
     assert (covered == 1).all()
+
+
+@pytest.fixture
+def small(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """Writes a map of two cells, of which one does not pass at heading 0, in a format."""
+    monkeypatch.setattr(build, "load_world", lambda *_: world)
+    asked: dict[str, Any] = {"area": [-1.0, -0.5, 0.0, 0.0], "headings": 2, "resolution": 0.5, "workers": 1}
+    return lambda to: write_cost_map(world, tmp_path / f"a.{to}", to=to, **asked)
+
+
+def passed(path: Path) -> list[bool | None]:
+    assert has_costs(path)
+    return [check.passed for check in validate_cost_map(path)]
+
+
+@pytest.mark.parametrize("to", ["npz", "grid_map", "geotiff"])
+def test_validate_passes(small: Callable[[str], Path], to: str) -> None:
+    made = small(to)
+    if to == "grid_map":
+        made = made.rename(made.with_suffix(".bag"))
+    assert passed(made) == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "found"),
+    [
+        ("slip_v1_h180", 0.01, [False, False]),
+        ("cause_v1_h000", Cause.STUCK, [True, False]),  # no mean follows from why it does not pass
+        ("passes_v1", 2, [False, True]),
+        ("rig", None, [True, None]),
+    ],
+)
+def test_validate_finds_a_value_that_was_changed(
+    small: Callable[[str], Path], tmp_path: Path, name: str, value: Any, found: list[bool | None]
+) -> None:
+    changed: dict[str, Any] = layers(small("npz"))
+    assert changed["cause_v1_h000"].tolist() == [[Cause.PASSES], [Cause.HULL]]
+    if value is None:
+        del changed[name]
+    else:
+        changed[name][1, 0] = value
+    np.savez(tmp_path / "b.npz", **changed)
+    assert passed(tmp_path / "b.npz") == found
 
 
 @pytest.mark.parametrize(

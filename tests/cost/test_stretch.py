@@ -103,3 +103,44 @@ def test_a_robot_that_was_elsewhere_finds_equal_bits() -> None:
     robot.over(np.array([-4.0, 2.0]), 3.0, 0.4)
     robot.over(np.array([19.5, 2.0]), 0.0, 1.0)
     assert robot.over(spot, 0.7, 1.0) == first == SpotRobot(world, Rig(), np.zeros(2)).over(spot, 0.7, 1.0)
+
+
+def test_a_sweep_finds_on_a_plane_what_each_spot_does() -> None:
+    """Slip is that of the closed form all along."""
+    robot = SpotRobot(make_world(tilted(13.0, 0.0), ground_type="scree"), Rig(), np.zeros(2))
+    for cause, costs in robot.sweep(np.array([-1.0, 0.5]), 0.25 * np.arange(8.0), 0.0, 0.3):
+        assert cause == Cause.PASSES
+        assert costs.slip == pytest.approx(climbing_slip("scree", 13.0), rel=0.01)
+
+
+def test_across_a_slope_the_robot_holds_its_line() -> None:
+    """A heading alone would let it slide down, to the right of x, without end."""
+    robot = SpotRobot(make_world(tilted(0.0, 8.0), ground_type="lawn"), Rig(), np.zeros(2))
+    robot.sweep(np.array([-6.0, 0.5]), np.array([0.0, 12.0]), 0.0, 1.0)
+    assert robot._physics.pose[0][0] > 6.4
+    assert abs(robot._physics.pose[0][1] - 0.5) < 0.06
+
+
+def test_where_a_sweep_fails_spots_are_driven_singly_and_it_begins_anew() -> None:
+    """A post at x = 0: the front touches it from 0.6 m before; hit or started in are spots from -1 m to 1.5 m."""
+    world = make_world(obstacles=[obstacle("post", "box", (0.1, 0.1, 1.0), 0.0, 0.0)])
+    robot, spots = SpotRobot(world, Rig(), np.zeros(2)), 0.5 * np.arange(12.0)
+    swept = robot.sweep(np.array([-3.0, 0.0]), spots, 0.0, 1.0)
+    alone = [robot.sweep(np.array([-3.0, 0.0]), spots[k : k + 1], 0.0, 1.0)[0] for k in range(len(spots))]
+    causes = [cause for cause, _ in swept]
+    assert causes == [cause for cause, _ in alone]
+    assert causes.count(Cause.HULL) == 5
+    behind = len(causes) - causes[::-1].index(Cause.HULL)
+    assert swept[behind] == alone[behind]  # the first of the sweep that begins anew
+    np.testing.assert_allclose([costs.energy for _, costs in swept], [costs.energy for _, costs in alone], rtol=0.03)
+
+
+def test_a_sweep_ends_where_it_is_stuck_and_at_the_edge_of_the_world() -> None:
+    world = make_world(lambda x, y: np.where(x < 1.0, 0.0, 0.5) + 0.0 * y, size=(10.0, 10.0), spacing=0.05)
+    spots = 0.5 * np.arange(19.0)
+    found = SpotRobot(world, Rig(), np.zeros(2)).sweep(np.array([-4.5, 0.0]), spots, 0.0, 1.0)
+    causes = {x: cause for x, (cause, _) in zip((spots - 4.5).tolist(), found, strict=True)}
+    assert {causes[x] for x in (-4.5, -4.0, 4.5)} == {Cause.OUTSIDE, Cause.PASSES}
+    assert causes[-4.5] == Cause.OUTSIDE  # where it would start
+    assert {causes[x] for x in (-3.5, -2.0, -0.5, 2.5, 4.0)} == {Cause.PASSES}
+    assert {causes[x] for x in (0.5, 1.0)} <= {Cause.STUCK, Cause.SLIPS}

@@ -79,6 +79,7 @@ def _annotate(options: argparse.Namespace) -> None:
 
 def _validate(options: argparse.Namespace) -> int:
     from fieldtruth.bag.file import runs_of_robots
+    from fieldtruth.cost.check import has_costs, validate_cost_map
     from fieldtruth.local_maps.check import is_map, maps_in, validate_map
     from fieldtruth.validation import Check, as_json, as_text
     from fieldtruth.validation.runner import validate
@@ -93,7 +94,7 @@ def _validate(options: argparse.Namespace) -> int:
                 checks += validate(path, quick=options.quick, full=options.full, samples=options.samples, **own)
             for each in maps:
                 try:
-                    checks += validate_map(each, **own)
+                    checks += (validate_cost_map if has_costs(each) else validate_map)(each, **own)
                 except FieldtruthError as error:
                     if maps == [path]:
                         raise

@@ -93,9 +93,7 @@ def _cost(options: argparse.Namespace) -> None:
     rig = Rig.model_validate({"robot": options.robot or "husky"}) if options.robot or like is None else like.rig
     check_cost(rig.robot, options.speed, options.headings, options.resolution)
     check_cost_output(stem, options.out, to=options.to, overwrite=options.overwrite)
-    asked = {
-        key: getattr(options, key) for key in ("to", "headings", "resolution", "area", "full", "overwrite", "workers")
-    }
+    asked = {key: getattr(options, key) for key in ("to", "headings", "resolution", "area", "overwrite", "workers")}
     with show_progress() as progress:
         with progress.stage("build the world"):
             world = selected_world(options, *layouts)

@@ -15,9 +15,8 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
 from fieldtruth.core.parallel import check_memory, cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.cost.scheme import Costs
 from fieldtruth.cost.stretch import CAUSE_TEXTS, Cause, Passage
-from fieldtruth.cost.tiles import Order, made_tiles
+from fieldtruth.cost.tiles import Costs, Order, made_tiles
 from fieldtruth.drive.traversability import CELL, Blockage, Traversability
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
@@ -30,8 +29,6 @@ RESOLUTION: Final = 0.25
 """Default side [m] of a cell."""
 HEADINGS: Final = 8
 SPEEDS: Final = (1.0,)  # [m/s]
-COARSE: Final = 1.0
-"""Greatest distance [m] of the cells that are driven first."""
 _SLOWEST: Final = 0.05  # [m/s]
 _RESOLUTIONS: Final = (0.05, 10.0)
 _MOST_HEADINGS: Final = 72
@@ -54,20 +51,19 @@ def cost_layers(speeds: Sequence[float], headings: int) -> dict[str, Layer]:
     layers = {}
     for speed in speeds:
         of = f"at {speed:g} m/s"
-        layers[_name("passes", speed)] = Layer("", "u1", f"number of headings at which the robot passes {of}")
-        layers[_name("driven", speed)] = Layer("", "u1", f"number of headings that were driven and not filled in {of}")
+        layers[layer_name("passes", speed)] = Layer("", "u1", f"number of headings at which the robot passes {of}")
         for name, row in _QUANTITIES.items():
-            layers[_name(name, speed)] = row._replace(description=f"{row.description} {of}, mean of the headings")
+            layers[layer_name(name, speed)] = row._replace(description=f"{row.description} {of}, mean of the headings")
         for angle in _angles(headings):
             at = f"{of}, heading {angle} deg"
-            layers[_name("cause", speed, angle)] = Layer("", "u1", f"why the robot does not pass {at}", "causes")
+            layers[layer_name("cause", speed, angle)] = Layer("", "u1", f"why the robot does not pass {at}", "causes")
             for name, row in _QUANTITIES.items():
-                layers[_name(name, speed, angle)] = row._replace(description=f"{row.description} {at}")
+                layers[layer_name(name, speed, angle)] = row._replace(description=f"{row.description} {at}")
     return layers
 
 
-def _name(layer: str, speed: float, angle: str | None = None) -> str:
-    """Name of a layer at a speed [m/s], over all headings or at one [deg]."""
+def layer_name(layer: str, speed: float, angle: str | None = None) -> str:
+    """Return the name of a layer at a speed [m/s], over all headings or at one [deg]."""
     return f"{layer}_v{speed:g}" + ("" if angle is None else f"_h{angle}")
 
 
@@ -86,7 +82,6 @@ def write_cost_map(
     headings: int = HEADINGS,
     resolution: float = RESOLUTION,
     area: Sequence[float] | None = None,
-    full: bool = False,
     overwrite: bool = False,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -104,7 +99,6 @@ def write_cost_map(
         headings: number of headings, which divide the circle evenly; the first is along x.
         resolution: side [m] of a cell.
         area: x0, y0, x1, y1 [m] of the part that is mapped, in the world frame; by default the world.
-        full: drive every cell, and take none from those around it.
         overwrite: replace an existing output.
         workers: processes; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
@@ -119,8 +113,7 @@ def write_cost_map(
     check_cost(rig.robot, speeds, headings, resolution)
     target = check_cost_output(f"{world.name}_{world.seed}", out, to=to, overwrite=overwrite)
     grid, speeds = grid_of(world, resolution, area), tuple(dict.fromkeys(map(float, speeds)))
-    first = 1 if full else 2 ** max(0, int(np.floor(np.log2(COARSE / resolution) + 1e-9)))
-    order, table = Order(rig, grid, headings, first), cost_layers(speeds, headings)
+    order, table = Order(rig, grid, headings), cost_layers(speeds, headings)
     with output_errors(target):
         check_size(target, to, grid, [], [row.dtype for row in table.values()])
         needed = grid.shape[0] * grid.shape[1] * 4 * len(table)
@@ -131,30 +124,29 @@ def write_cost_map(
         for speed in speeds:
             with progress.stage(f"drive at {speed:g} m/s", float(grid.shape[0] * grid.shape[1])) as advance:
                 for cells, costs in made_tiles(world, order, speed, workers or cpu_count()):
-                    for name, values in _named(costs, speed):
+                    for name, values in named_layers(costs, speed):
                         layers[name][cells] = values
                     advance(float(costs.cause[..., 0].size))
         with progress.stage("write the map"), atomic_output(target) as part:
             names = {"causes": {int(cause): text for cause, text in CAUSE_TEXTS.items()}}
-            FORMATS[to].write(MadeMap(world, grid, layers, names, table), part)
+            FORMATS[to].write(MadeMap(world, grid, layers, names, table, rig.model_dump(mode="json")), part)
             if overwrite:
                 remove(target)
     return target
 
 
-def _named(costs: Costs, speed: float) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the layers of a tile by name."""
+def named_layers(costs: Costs, speed: float) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the layers of costs (n, m) at a speed [m/s] by name."""
     passes = costs.cause == Cause.PASSES
     count = passes.sum(axis=-1)
-    yield _name("passes", speed), count
-    yield _name("driven", speed), costs.driven.sum(axis=-1)
+    yield layer_name("passes", speed), count
     for q, name in enumerate(Passage._fields):
         total = np.where(passes, costs.values[..., q], 0.0).sum(axis=-1)
-        yield _name(name, speed), np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        yield layer_name(name, speed), np.where(count > 0, total / np.maximum(count, 1), np.nan)
     for k, angle in enumerate(_angles(costs.cause.shape[-1])):
-        yield _name("cause", speed, angle), costs.cause[..., k]
+        yield layer_name("cause", speed, angle), costs.cause[..., k]
         for q, name in enumerate(Passage._fields):
-            yield _name(name, speed, angle), costs.values[..., k, q]
+            yield layer_name(name, speed, angle), costs.values[..., k, q]
 
 
 def check_cost(robot: RobotConfig, speeds: Sequence[float], headings: int, resolution: float) -> None:

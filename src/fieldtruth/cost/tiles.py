@@ -7,49 +7,57 @@ A tile knows nothing of others, so a map has equal bits for any number of proces
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.cache import cache_folder, cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.processes import as_done
-from fieldtruth.cost.scheme import Costs, found_costs
-from fieldtruth.cost.stretch import LENGTH, Cause, Passage, SpotRobot, run_up
-from fieldtruth.drive.traversability import Traversability
+from fieldtruth.cost.stretch import Passage, SpotRobot
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig
 from fieldtruth.world.model import World
 from fieldtruth.world_maps.layers import Grid
 
 TILE: Final = 16.0
 """Side [m] of a tile: its drives stay in the part of a large world that is made around its middle."""
-NEAR: Final = 0.25
-"""Clearance [m] on the planner's map, on the way over a spot, below which the spot is driven."""
+_EVEN: Final = 1e-9
 _LIBRARIES: Final = ("numpy", "scipy", "numba", "mujoco-core")
+
+
+class Costs(NamedTuple):
+    """Costs of the n x m cells of a tile at h headings."""
+
+    cause: NDArray[np.uint8]  # (n, m, h)
+    values: Float32Array  # (n, m, h, quantities), in the order of ``Passage``; NaN where it does not pass
+
+
+class Line(NamedTuple):
+    """A line of a heading through n cells of a tile, in the order in which they are driven over."""
+
+    cells: tuple[Index, Index]  # along x and y, (n,) each, in the tile
+    xy: Array  # (2,) [m], a point of it
+    spots: Array  # (n,) [m] along the heading from it, where the cells' middles are beside the line
 
 
 @dataclass(frozen=True)
 class Order:
-    """What is driven: the robot of a rig, over the cells of a grid, at headings that divide the circle evenly.
-
-    ``first`` is the distance, in cells, of those that are driven first, a power of two.
-    """
+    """What is driven: the robot of a rig, over the cells of a grid, at headings that divide the circle evenly."""
 
     rig: Rig
     grid: Grid
     headings: int
-    first: int
 
     @property
     def side(self) -> int:
         """Cells along the side of a tile."""
-        return max(1, round(TILE / self.grid.resolution) // self.first) * self.first
+        return max(1, round(TILE / self.grid.resolution))
 
     def tiles(self) -> list[tuple[int, int]]:
         """Return the numbers of the tiles along x and y."""
@@ -61,27 +69,38 @@ class Order:
         x, y = (slice(k * self.side, min((k + 1) * self.side, n)) for k, n in zip(tile, self.grid.shape, strict=True))
         return x, y
 
-    def nodes(self, tile: tuple[int, int]) -> tuple[Array, Array]:
-        """Return x and y [m] of a tile's cells, and of those beyond it up to the next that is driven first."""
-        x, y = self.cells(tile)
-        return self._nodes_along(self.grid.x0, x), self._nodes_along(self.grid.y0, y)
-
-    def _nodes_along(self, start: float, cells: slice) -> Array:
-        count = math.ceil((cells.stop - cells.start - 1) / self.first) * self.first + 1
-        if self.first > 1:  # the tile beside begins with a cell that is driven first
-            count = max(count, self.first + 1)
-        nodes: Array = start + (cells.start + np.arange(count) + 0.5) * self.grid.resolution
-        return nodes
+    def middles(self, tile: tuple[int, int]) -> tuple[Array, Array]:
+        """Return x and y [m] of the middles of a tile's cells."""
+        starts, cells = (self.grid.x0, self.grid.y0), self.cells(tile)
+        x, y = (
+            np.asarray(start + (np.arange(own.start, own.stop) + 0.5) * self.grid.resolution, np.float64)
+            for start, own in zip(starts, cells, strict=True)
+        )
+        return x, y
 
     def angles(self) -> Array:
         """Return the headings [rad]: 0 is along x, positive to the left."""
         return np.asarray(np.arange(self.headings) * (math.tau / self.headings), np.float64)
 
+    def lines(self, tile: tuple[int, int], angle: float) -> list[Line]:
+        """Return the lines of a heading [rad] over a tile.
 
-def tolerances(robot: RobotConfig, speed: float) -> Array:
-    """Differences of the costs up to which spots are alike, in the order of ``Passage``."""
-    weight = robot.mass * GRAVITY
-    return np.array(Passage(slip=0.1, tilt=0.1, peak=np.inf, rms=1.0, energy=0.06 * weight, time=0.2 / speed))
+        They go through each cell once: at multiples of 45 deg through its middle, else at most half a cell beside it.
+        """
+        middles, ahead = self.middles(tile), np.array([math.cos(angle), math.sin(angle)])
+        main = 0 if abs(ahead[0]) > abs(ahead[1]) - _EVEN else 1  # the axis along which a line takes a cell each
+        slope = float(np.round(ahead[1 - main] / ahead[main], 9))
+        cells = np.indices([len(axis) for axis in middles]).reshape(2, -1)
+        shift = cells[1 - main] - np.floor(slope * cells[main] + 0.5).astype(np.int64)
+        found = []
+        for number in np.unique(shift):
+            own = cells[:, shift == number]
+            first = np.array([axis[0] for axis in middles])
+            first[1 - main] += number * self.grid.resolution
+            spots = (np.stack([axis[row] for axis, row in zip(middles, own, strict=True)], axis=-1) - first) @ ahead
+            ascending = np.argsort(spots)
+            found.append(Line((own[0][ascending], own[1][ascending]), first, spots[ascending]))
+        return found
 
 
 class TileDrives:
@@ -89,30 +108,19 @@ class TileDrives:
 
     def __init__(self, world: World, order: Order) -> None:
         self._world, self._order = world, order
-        self._ground = Traversability(world, order.rig)
 
-    def costs(self, tile: tuple[int, int], speed: float) -> Costs:
-        """Return the costs of the cells of a tile."""
-        order, (x, y), angles = self._order, self._order.nodes(tile), self._order.angles()
-        robot = SpotRobot(self._world, order.rig, np.array([x.mean(), y.mean()]))
-
-        def drive(i: int, j: int, k: int) -> tuple[Cause, Passage]:
-            return robot.over(np.array([x[i], y[j]]), float(angles[k]), speed)
-
-        shape, alike = (len(x), len(y), len(angles)), tolerances(order.rig.robot, speed)
-        all_ = found_costs(shape, drive, self.hazard(x, y, speed), order.first, alike)
-        own = tuple(slice(s.stop - s.start) for s in order.cells(tile))
-        return Costs(all_.cause[own], all_.values[own], all_.driven[own])
-
-    def hazard(self, x: Array, y: Array, speed: float) -> Mask:
-        """Return whether a hazard of the planner's map is near the way over each node at each heading."""
-        points, angles = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1), self._order.angles()
-        ahead = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        near = np.zeros((len(x), len(y), len(angles)), bool)
-        for along in (-run_up(speed, self._order.rig.robot) - LENGTH / 2, -LENGTH / 2, 0.0, LENGTH / 2):
-            at = points[:, :, None] + along * ahead
-            near |= (self._ground.clearance_at(at.reshape(-1, 2)) < NEAR).reshape(near.shape)
-        return near
+    def costs(self, tile: tuple[int, int], speed: float, lines: Container[tuple[int, int]] | None = None) -> Costs:
+        """Return the costs of the cells of a tile; with ``lines``, numbers of heading and line, of those alone."""
+        order, (x, y) = self._order, self._order.middles(tile)
+        robot, shape = SpotRobot(self._world, order.rig, np.array([x.mean(), y.mean()])), (len(x), len(y))
+        cause = np.zeros((*shape, order.headings), np.uint8)
+        values = np.full((*cause.shape, len(Passage._fields)), np.nan, np.float32)
+        for k, angle in enumerate(order.angles().tolist()):
+            for n, line in enumerate(order.lines(tile, angle)):
+                if lines is None or (k, n) in lines:
+                    outcomes = robot.sweep(line.xy, line.spots, angle, speed)
+                    cause[(*line.cells, k)], values[(*line.cells, k)] = zip(*outcomes, strict=True)
+        return Costs(cause, values)
 
 
 _entered: list[TileDrives] = []
@@ -143,7 +151,7 @@ def made_tiles(world: World, order: Order, speed: float, workers: int) -> Iterat
     Raises:
         OutputError: a process was ended.
     """
-    key = cache_key([__name__], world, order.rig, order.grid, order.headings, order.first, speed, libraries=_LIBRARIES)
+    key = cache_key([__name__], world, order.rig, order.grid, order.headings, speed, libraries=_LIBRARIES)
     name = f"passage-{world.name}-{key}"
     items = [(cache_folder() / f"{name}-{i}-{j}.npz", (i, j), speed) for i, j in order.tiles()]
     left = [item for item in items if not item[0].exists()]

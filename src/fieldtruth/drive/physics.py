@@ -120,16 +120,18 @@ def skid_compensation(wheels: WheelConfig) -> float:
 
 def wheel_speeds(commands: ArrayLike, wheels: WheelConfig) -> Array:
     """Wheel speeds (..., n) [rad/s], by ``wheels.names``, for commands (..., 2) of speed and turn rate."""
-    speed, turn_rate = np.moveaxis(np.asarray(commands, np.float64), -1, 0)
-    side = turn_rate * wheels.half_track * skid_compensation(wheels)
-    left, right = (speed - side) / wheels.radius, (speed + side) / wheels.radius
-    return np.stack([left, right] * (len(wheels.names) // 2), axis=-1)
+    asked = np.asarray(commands, np.float64)
+    speed, side = asked[..., :1], asked[..., 1:] * wheels.half_track * skid_compensation(wheels)
+    speeds = np.empty((*asked.shape[:-1], len(wheels.names)))
+    speeds[..., ::2], speeds[..., 1::2] = (speed - side) / wheels.radius, (speed + side) / wheels.radius
+    return speeds
 
 
 def ramp(current: Command, target: Command, times: ArrayLike, robot: RobotConfig) -> Array:
     """Commands (n, 2) at ``times`` (n,) [s] from now on, towards ``target`` within the robot's acceleration limits."""
     change = np.asarray(times)[:, None] * (robot.max_acceleration, robot.max_turn_acceleration)
-    commands: Array = np.clip(np.asarray(target), np.asarray(current) - change, np.asarray(current) + change)
+    now = np.array(current)
+    commands: Array = np.minimum(np.maximum(target, now - change), now + change)
     return commands
 
 

@@ -461,13 +461,13 @@ class SimulatedRobot:
     def drive(self, count: int) -> Array:
         """Drive ``count`` physics steps towards the target and return the state after each, (count, 13 + 2 wheels)."""
         here, (begun, target, since) = self.surroundings, self._ramp
-        model, data, contacts = here.model, here.data, here.contacts
-        qpos, qvel, ctrl, stems = data.qpos, data.qvel, data.ctrl, self.stems
-        force, turning_at, power = data.actuator_force, qvel[6:], 0.0
+        model, data, contacts, stems = here.model, here.data, here.contacts, self.stems
+        qpos, qvel, ctrl, torques = data.qpos, data.qvel, data.ctrl, data.actuator_force
         commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * self._step_s, self._rig.robot)
-        turning = _WHEELS + len(self._rig.wheels.names)
-        states = np.empty((count, len(qpos) + len(qvel)))
-        for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
+        driven = wheel_speeds(commands, self._rig.wheels)
+        base, angles, turning = qpos[:7], qpos[7:], _WHEELS + driven.shape[1]
+        states, efforts = np.empty((count, len(qpos) + len(qvel))), np.empty(driven.shape)
+        for state, effort, speeds in zip(states, efforts, driven, strict=True):
             ctrl[:] = speeds
             if self.steps % self._every == 0:
                 here.is_near_ground = here.hull.is_near_ground(qpos)
@@ -476,12 +476,13 @@ class SimulatedRobot:
                 stems(data, self.steps * self._step_s, self._step_s)
             mujoco.mj_step(model, data)
             self.steps += 1
-            power += np.maximum(force * turning_at, 0.0).sum()
-            state[:7], state[7:turning], state[turning:] = qpos[:7], qvel, qpos[7:]
+            effort[:] = torques
+            state[:7], state[7:turning], state[turning:] = base, qvel, angles
             if contacts.read():
                 self._monitor.touch(*here.touched(), self.seconds, state[:3])
-        self.work += float(power) * self._step_s
+        powers = np.maximum(efforts * states[:, _WHEELS:turning], 0.0).sum(axis=1)
         if count:
+            self.work += float(np.cumsum(powers)[-1]) * self._step_s  # in the order of the steps, as a sum is not
             self._ramp, self._command, self._xy = (begun, target, since + count), Command(*commands[-1]), states[-1, :2]
         return states
 

@@ -22,7 +22,7 @@ from fieldtruth.core.yaml_io import package_data
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.kernels.soil import Grid, Tyre, Wheels, sinkage, step_soil
+from fieldtruth.kernels.soil import Grid, Ground, Tyre, Wheels, sinkage, step_soil
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]
@@ -73,21 +73,20 @@ class SoilContact:
     def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str], step_s: float = STEP_S) -> None:
         self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
         terrain = world.terrain
-        self._cover = _grid(terrain.cover), _grid(terrain.other_ground)
-        self._stones = _grid(_NO_STONES)
-        self._border_width = terrain.border_width
+        cover, trails = _grid(terrain.cover), _grid(terrain.other_ground)
+        self._ground: Ground = cover, trails, _grid(_NO_STONES), terrain.border_width
         self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
         self._step_s = step_s
         self.state = np.zeros((len(wheels.names), 3))
 
     def enter(self, part: World) -> None:
         """Find the stones of the part of the world in which the wheels are from now on."""
-        self._stones = _grid(_stones(part))
+        cover, trails, _, border_width = self._ground
+        self._ground = cover, trails, _grid(_stones(part)), border_width
 
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
-        ground = *self._cover, self._stones, self._border_width
-        step_soil(self._soils, ground, self._tyre, wheels, self.state, self._step_s)
+        step_soil(self._soils, self._ground, self._tyre, wheels, self.state, self._step_s)
 
 
 def sinkage_at(world: World, wheels: WheelConfig, load: float, x: Array, y: Array) -> Array:

@@ -60,6 +60,15 @@ class StoredMap(NamedTuple):
     layout: Mapping[str, Any]
     identity: str = ""
     """Of its world; empty if the file does not have it."""
+    rig: Mapping[str, Any] = {}
+    """Values of the rig that it depends on, if it does."""
+
+    def rebuilt(self, path: Path) -> World:
+        """Build its world again; raises ConfigurationError if that is another one now."""
+        world = build.load_world(environment_of(self.name, self.layout), self.seed, self.layout)
+        if self.identity and identity(world) != self.identity:
+            raise ConfigurationError(f"{path} is of {self.identity}, which is built otherwise now: {identity(world)}")
+        return world
 
 
 def is_map(path: Path) -> bool:
@@ -96,18 +105,16 @@ def validate_map(path: Path | str, *, workers: int | None = None, progress: Prog
     path, workers, progress = Path(path), workers or cpu_count(), progress or Silent()
     if path.is_dir() and (path.name.endswith(SUFFIX) or _stamped(path)):
         return _check_local(path, open_run(path.resolve().parent), workers, progress)
-    stored = _read(path)
+    stored = read_map(path)
     with progress.stage("build the world"):
-        world = build.load_world(environment_of(stored.name, stored.layout), stored.seed, stored.layout)
-    if stored.identity and identity(world) != stored.identity:
-        raise ConfigurationError(f"{path} is of {stored.identity}, which is built otherwise now: {identity(world)}")
+        world = stored.rebuilt(path)
     tallies, (rows, columns) = [Tally(MAP), Tally(HEIGHT_RAYS)], stored.grid.shape
     names = [name for name in stored.layers if name in LAYERS]
     check_memory(8 * rows * columns * (len(names) + 6), "the map", "take one of a part of the world")
     with progress.stage("map the world"):
         due = map_layers(world, stored.grid, names, workers)
     for name in names:
-        _compare(tallies[0][SAME_CELLS], name, stored.layers[name], due[name])
+        compare(tallies[0][SAME_CELLS], name, stored.layers[name], due[name])
     with progress.stage("trace rays"):
         _trace(tallies[1][SAME_HEIGHTS], world, stored.grid, stored.layers)
     return [tally.result() for tally in tallies]
@@ -140,7 +147,7 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
         if not has_costs:
             due |= {"free_distance": made.free_distance, "free_polygon": made.free_polygon}
         for name, values in due.items():
-            _compare(tally[SAME_CELLS], f"{path.name}, {name}", stored.get(name), values)
+            compare(tally[SAME_CELLS], f"{path.name}, {name}", stored.get(name), values)
         _trace(rays[SAME_HEIGHTS], world, made.grid, stored, RAYS // 8)
     tally.note = "not costs and what follows from them" * has_costs
     return [tally.result(), rays.result()]
@@ -151,7 +158,7 @@ def _stamped(folder: Path) -> dict[int, Path]:
     return {int(path.stem): path for path in folder.glob("*.npz") if path.stem.isdecimal()}
 
 
-def _compare(count: Count, where: str, values: NDArray[Any] | None, due: NDArray[Any]) -> None:
+def compare(count: Count, where: str, values: NDArray[Any] | None, due: NDArray[Any]) -> None:
     """Count the cells of a layer."""
     if values is None or values.dtype.kind not in _NUMBERS or values.shape != due.shape:
         found_as = "missing" if values is None else f"{values.dtype} {values.shape}"
@@ -183,7 +190,7 @@ def _trace(count: Count, world: World, grid: Grid, layers: Values, rays: int = R
             count.add(len(wrong), int(wrong.sum()), f"layer {name} near cell {tuple(cells[0].tolist())}")
 
 
-def _read(path: Path) -> StoredMap:
+def read_map(path: Path) -> StoredMap:
     """Read a map of a world; raises ConfigurationError."""
     try:
         return _READERS["" if path.is_dir() else path.suffix](path)
@@ -204,15 +211,17 @@ def _read_npz(path: Path) -> StoredMap:
     grid = Grid(x0, y0, resolution, (int(shape[0]), int(shape[1])))
     named = _TEXT.match(text := str(found["world"]))
     layout = dict(json.loads(str(found.get("layout", "{}"))))
-    layers = {name: values for name, values in found.items() if name in LAYERS}
-    return StoredMap(grid, layers, named[1], int(named[2]), layout, text)  # type: ignore[index]
+    layers = {name: values for name, values in found.items() if values.shape == shape}
+    rig = dict(json.loads(str(found.get("rig", "{}"))))
+    return StoredMap(grid, layers, named[1], int(named[2]), layout, text, rig)  # type: ignore[index]
 
 
 def _of_about(about: Mapping[str, Any], layers: Callable[[Grid], Iterator[tuple[str, NDArray[Any]]]]) -> StoredMap:
     grid, world = about["grid"], about["world"]
     made = Grid(grid["x0"], grid["y0"], grid["resolution"], (grid["shape"][0], grid["shape"][1]))
-    found = {name: values.astype(LAYERS[name].dtype) for name, values in layers(made) if name in LAYERS}
-    return StoredMap(made, found, str(world["name"]), int(world["seed"]), dict(world.get("layout", {})))
+    found = {n: values.astype(LAYERS[n].dtype) if n in LAYERS else values for n, values in layers(made)}
+    layout, rig = dict(world.get("layout", {})), dict(about.get("rig", {}))
+    return StoredMap(made, found, str(world["name"]), int(world["seed"]), layout, rig=rig)
 
 
 def _read_folder(path: Path) -> StoredMap:

@@ -37,13 +37,15 @@ _SEMI_MAJOR, _ECCENTRICITY2 = 6_378_137.0, 6.694379990141e-3  # of WGS 84
 
 
 class MadeMap(NamedTuple):
-    """A map that is made: its layers (n, m), names of their numbers by table, and what the layers are."""
+    """A map that is made: its layers (n, m), names of their numbers by table, what the layers are, and of which rig."""
 
     world: World
     grid: Grid
     layers: Layers
     names: dict[str, dict[int, str]]
     rows: Mapping[str, Layer] = LAYERS
+    rig: Mapping[str, Any] = {}
+    """For a map that depends on a robot, the values of its rig."""
 
 
 class Format(NamedTuple):
@@ -71,6 +73,7 @@ def about(made: MadeMap) -> dict[str, Any]:
             name: {"unit": made.rows[name].unit, "description": made.rows[name].description} for name in made.layers
         },
         **made.names,
+        **({"rig": dict(made.rig)} if made.rig else {}),
     }
 
 
@@ -178,7 +181,7 @@ def _matrix(values: NDArray[Any]) -> Any:
 
 
 def _write_npz(made: MadeMap, target: Path) -> None:
-    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, ``origin``, ``world``, and names by number."""
+    """Write layers (n, m) over x and y, ``x0``, ``y0``, ``resolution``, ``origin``, ``world``, ``rig``, and names."""
     names = {key: np.array([table.get(k, "") for k in range(max(table) + 1)]) for key, table in made.names.items()}
     x0, y0, resolution, _ = made.grid
     with target.open("wb") as file:
@@ -186,6 +189,8 @@ def _write_npz(made: MadeMap, target: Path) -> None:
         world = {"origin": np.array(made.world.origin), "world": np.array(identity(made.world))}
         if made.world.layout:
             world["layout"] = np.array(json.dumps(dict(made.world.layout)))
+        if made.rig:
+            world["rig"] = np.array(json.dumps(dict(made.rig)))
         np.savez_compressed(file, allow_pickle=False, **made.layers, **names, **grid, **world)
 
 
