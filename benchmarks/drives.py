@@ -19,18 +19,19 @@ from fieldtruth.simulation.stepped import experiment_for
 from fieldtruth.world.model import World
 
 RIG: Final = {
-    "lidar": {"model": "os1_64_gen1", "spinning": False, "columns": 1024, "rate_hz": 0.5},
+    "lidar": {"model": "os1_64_gen1", "spinning": False, "columns": 1024, "rate_hz": 0.5, "parts": True},
     "cameras": {"enabled": False},
 }
 """Of the paper's Husky; all rays of a scan leave at once, so that no error is one of its motion."""
 
 
 class Scan(NamedTuple):
-    """One turn of the LiDAR: points (n, 3) [m] in the world, and class and instance id of each."""
+    """One turn of the LiDAR: points (n, 3) [m] in the world, and class, instance id and part of a plant of each."""
 
     points: Array
     label: NDArray[Any]
     instance: NDArray[Any]
+    part: NDArray[Any]
 
 
 class Drive(NamedTuple):
@@ -68,7 +69,7 @@ def scanned(experiment: ft.Experiment) -> Drive:
     scans, poses = [], []
     for frame in ft.frames(experiment, sensors=["lidar"], world=world):
         cloud, pose = frame["lidar"], frame.pose @ base_from_lidar
-        scans.append(Scan(transforms.transform(pose, cloud.xyz), cloud.label, cloud.instance))
+        scans.append(Scan(transforms.transform(pose, cloud.xyz), cloud.label, cloud.instance, cloud.others["part"]))
         poses.append(pose)
     return Drive(world, scans, np.array(poses))
 

@@ -6,8 +6,10 @@ Run: python benchmarks/places.py [--envs NAME ...] [--signal ideal|datasheet] [-
      python benchmarks/places.py --runs FOLDER [--method FILE.py:FUNCTION]
 
 A robot stands at random places of the trails of an environment, with its view along them in either direction, and a
-LiDAR scans: once for the database, and at other places for the queries. As in Wild-Places (Knights and others 2023,
-arXiv:2211.12732) a match is right if its frame is at most 3 m away, and queries without such a frame do not count.
+LiDAR scans: once for the database, and at other places for the queries. With ``--aside M`` the database is along the
+environment's first route, and queries are up to M metres beside it, at any heading. As in Wild-Places (Knights and
+others 2023, arXiv:2211.12732) a match is right if its frame is at most 3 m away, and queries without such a frame do
+not count. The table has a row for each distance of the nearest frame.
 
 With ``--runs``, FOLDER is an export ``--to wild-places`` of runs of one world, as those of the campaign revisit: each
 run is a database for all others, and the table has a row for each change of season and direction.
@@ -19,6 +21,7 @@ the poses of both sets (timestamp, x, y, z, qx, qy, qz, qw) and the true distanc
 
 import csv
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -36,8 +39,12 @@ from fieldtruth.experiment.config import FramesConfig
 
 NEAR: Final = 3.0
 """Distance [m] up to which a match is right."""
+EDGES: Final = (0.0, 1.0, 2.0, NEAR)
+"""Distances [m] of the nearest frame, from row to row of the table."""
 SEEDS: Final = {"database": 1, "queries": 2}
 """Of the places."""
+ON_ROUTE: Final = 0.2
+"""Distance [m] of the database from the route."""
 RINGS, SECTORS, REACH = 20, 60, 40.0
 """Cells of a descriptor, and its radius [m]."""
 LIFT: Final = 2.0
@@ -94,6 +101,32 @@ def recall(dissimilarity: Array, distance: Array) -> Recall:
         return Recall(0, np.nan, np.nan)
     right = near[kept, dissimilarity[kept].argmin(axis=1)]
     return Recall(int(kept.sum()), 100 * float(right.mean()), 100 * float(near[kept].mean()))
+
+
+def by_nearest(dissimilarity: Array, distance: Array) -> dict[str, Recall]:
+    """Score by the distance of the nearest frame, and all; arguments as of ``recall``."""
+    nearest = distance.min(axis=1)
+    rows = {f"{low:g} to {high:g}": (nearest > low) & (nearest <= high) for low, high in pairwise(EDGES)}
+    rows["all"] = np.ones(len(distance), bool)
+    return {name: recall(dissimilarity[own], distance[own]) for name, own in rows.items()}
+
+
+def sets_of(environment: str, signal: str, count: int, aside: float | None) -> dict[str, Drive]:
+    """Scan the frames of the database and the queries.
+
+    Raises:
+        UnknownNameError, RouteError: as ``driven``, and as frames of an experiment.
+    """
+    experiment = with_lidar(environment, signal)
+    level = FramesConfig(count=count, along="trail", pitch_deg=0, roll_deg=0, raised_m=0)
+    found = {}
+    for name, near in {"database": ON_ROUTE, "queries": aside}.items():
+        changes = {"seed": SEEDS[name]} | ({} if aside is None else {"along": None, "aside_m": near})
+        route = None if aside is None else experiment.route
+        found[name] = scanned(
+            experiment.model_copy(update={"frames": level.model_copy(update=changes), "route": route})
+        )
+    return found
 
 
 def clouds_of(drive: Drive) -> list[Array]:
@@ -186,7 +219,10 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60, help="frames of each set (default: 60)")
     parser.add_argument("--out", type=Path, metavar="FOLDER")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="an export --to wild-places in place of frames")
+    parser.add_argument("--aside", type=float, metavar="M", help="queries up to M beside the route [m]")
     options = parser.parse_args()
+    if options.aside is not None and not 0.1 <= options.aside <= 1000:
+        parser.error(f"argument --aside: must be 0.1 to 1000, got {options.aside:g}")
     if not 1 <= options.count <= 10_000:
         parser.error(f"argument --count: must be 1 to 10000, got {options.count}")
     try:
@@ -203,20 +239,17 @@ def main() -> None:
             show(["queries of", "direction", "method", "queries", "recall@1 %", "by chance %"], rows)
             return
         for k, environment in enumerate(options.envs):
-            experiment, sets = with_lidar(environment, options.signal), dict[str, Drive]()
-            for name, seed in SEEDS.items():
-                frames = FramesConfig(
-                    count=options.count, seed=seed, along="trail", pitch_deg=0, roll_deg=0, raised_m=0
-                )
-                sets[name] = scanned(experiment.model_copy(update={"frames": frames, "route": None}))
+            sets = sets_of(environment, options.signal, options.count, options.aside)
             distance = cdist(sets["queries"].poses[:, :3, 3], sets["database"].poses[:, :3, 3])
             if options.out:
                 write_lists(options.out / environment, sets, distance)
             queries, database = (clouds_of(sets[name]) for name in ("queries", "database"))
             rows = [
-                [environment, name, *recall(method(queries, database), distance)] for name, method in methods.items()
+                [environment, nearest, name, *found]
+                for name, method in methods.items()
+                for nearest, found in by_nearest(method(queries, database), distance).items()
             ]
-            show(["environment", "method", "queries", "recall@1 %", "by chance %"], rows, header=k == 0)
+            show(["environment", "nearest", "method", "queries", "recall@1 %", "by chance %"], rows, header=k == 0)
     except FieldtruthError as error:
         parser.error(str(error))
 

@@ -4,9 +4,10 @@
 
 Run: python benchmarks/stems.py [--envs NAME ...] [--signal ideal|datasheet] [--method FILE.py:FUNCTION]
 
-A robot drives along the first route of each environment. Of each stem, the points of class trunk and of its instance id
+A robot drives along the first route of each environment. Of each tree, the points on its stem, by instance id and part,
 from 1.2 to 1.4 m above the ground are given to a method: a function of points (n, 2) [m], world x and y, that returns
-x, y and radius [m] of a circle, or None. So segmentation is not a part of the error. Once they are the points of a
+x, y and radius [m] of a circle, or None. So segmentation is not a part of the error; ``--with-branches`` gives it the
+points of class trunk, which branches have, too. Once they are the points of a
 single scan, and once those of all scans at their true poses.
 
 The truth is the diameter of the circle with the area of the trunk's section 1.3 m above the ground. Errors are
@@ -23,7 +24,7 @@ from drives import FIGURES, Drive, Scan, drive_arguments, driven, score, show
 from scipy.optimize import least_squares
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import Label, PlantPart
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.user_code import named_function
 from fieldtruth.interchange.inventory import BREAST_HEIGHT, Section, moved, named_objects, trunk_section
@@ -160,18 +161,22 @@ def seen(stem: Stem, points: Array, distance: float, methods: Mapping[str, Metho
     return Seen(distance, seen_share(slice_, stem.section[:2]), len(slice_), errors)
 
 
-def by_stem(scan: Scan) -> dict[int, Array]:
-    """Points (n, 3) of class trunk by instance id."""
+def by_stem(scan: Scan, *, branches: bool = False) -> dict[int, Array]:
+    """Points (n, 3) on stems by instance id; ``branches``: all of class trunk."""
     wood = scan.label == Label.TRUNK
+    if not branches:
+        wood &= scan.part == PlantPart.STEM
     points, instance = scan.points[wood], scan.instance[wood]
     order = np.argsort(instance, kind="stable")
     ids, first = np.unique(instance[order], return_index=True)
     return dict(zip(ids.tolist(), np.split(points[order], first[1:]), strict=False))
 
 
-def seen_in(stems: Sequence[Stem], scan: Scan, poses: Array, methods: Mapping[str, Method]) -> Iterator[Seen]:
+def seen_in(
+    stems: Sequence[Stem], scan: Scan, poses: Array, methods: Mapping[str, Method], *, branches: bool = False
+) -> Iterator[Seen]:
     """Yield the stems within reach of poses, in the points of a scan, or of several in one."""
-    found, none = by_stem(scan), np.zeros((0, 3))
+    found, none = by_stem(scan, branches=branches), np.zeros((0, 3))
     for stem in stems:
         distance = float(np.hypot(*(poses[:, :2, 3] - stem.section[:2]).T).min())
         if distance <= REACH:
@@ -223,7 +228,9 @@ def picture(stem: Stem, points: Array, methods: Mapping[str, Method], file: str)
 def main() -> None:
     """Print the tables."""
     parser = drive_arguments(__doc__ or "", ("forest", "park"))
+    parser.add_argument("--with-branches", action="store_true", help="points of branches, too")
     options = parser.parse_args()
+    branches = options.with_branches
     try:
         methods = {**METHODS, **{name: named_function("method", name) for name in options.method}}
         rows: dict[str, list[list[object]]] = {"distance": [], "share": []}
@@ -232,8 +239,12 @@ def main() -> None:
             stems, whole = list(stems_of(drive)), all_in_one(drive)
             steps = range(0, len(drive.scans), EVERY)
             found = {
-                "one scan": [s for i in steps for s in seen_in(stems, drive.scans[i], drive.poses[i : i + 1], methods)],
-                "whole drive": list(seen_in(stems, whole, drive.poses, methods)),
+                "one scan": [
+                    each
+                    for i in steps
+                    for each in seen_in(stems, drive.scans[i], drive.poses[i : i + 1], methods, branches=branches)
+                ],
+                "whole drive": list(seen_in(stems, whole, drive.poses, methods, branches=branches)),
             }
             for what, edges in (("distance", RANGES), ("share", SHARES)):
                 for name, each in found.items():
@@ -242,7 +253,7 @@ def main() -> None:
             show(["environment", "clouds", what, *COLUMNS], made)
             print()
         if options.picture and stems:
-            points = by_stem(whole)
+            points = by_stem(whole, branches=branches)
             nearest = max(stems, key=lambda stem: len(points.get(stem.instance, ())))
             picture(nearest, points[nearest.instance], methods, options.picture)
     except FieldtruthError as error:

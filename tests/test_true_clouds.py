@@ -34,11 +34,11 @@ SIDES = 256
 def scanned(world: World, *places: tuple[float, float, float], columns: int = 256) -> Drive:
     """Scans of an ideal LiDAR at places [m]."""
     poses = np.array([transforms.pose(place) for place in places])
-    lidar = ft.Lidar(ft.LidarConfig(columns=columns), ft.Scene(world))
+    lidar = ft.Lidar(ft.LidarConfig(columns=columns, parts=True), ft.Scene(world))
     scans = []
     for pose in poses:
         scan = lidar.scan(pose)
-        scans.append(Scan(transforms.transform(pose, scan.xyz), scan.label, scan.instance))
+        scans.append(Scan(transforms.transform(pose, scan.xyz), scan.label, scan.instance, scan.part))
     return Drive(world, scans, poses)
 
 
@@ -102,7 +102,7 @@ def test_circles_of_a_trunk_that_one_scan_sees_have_its_diameter() -> None:
     assert section is not None
     assert section == pytest.approx((4.0, 1.0, DIAMETER), abs=1e-4)
     stem = Stem(instance.object_id, 0.0, section)
-    (found,) = seen_in([stem], drive.scans[0], drive.poses, METHODS)
+    (found,) = seen_in([stem], drive.scans[0], drive.poses, METHODS, branches=True)  # own objects have no parts
     assert found.distance == pytest.approx(np.hypot(4.0, 1.0))
     half = np.arccos(DIAMETER / 2 / found.distance) / np.pi
     assert half - 0.12 < found.share <= half  # columns are 13 mm apart, so that the last ones miss up to 22 deg
@@ -116,9 +116,16 @@ def test_a_diameter_that_is_too_large_is_a_positive_error() -> None:
     stem = Stem(2, 0.0, Section(0.0, 0.0, 0.30))
     angle = np.linspace(0.0, np.pi, 60)
     points = np.column_stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full(60, BREAST_HEIGHT)])
-    scan = Scan(points, np.full(60, ft.Label.TRUNK), np.full(60, 2))
+    scan = Scan(points, np.full(60, ft.Label.TRUNK), np.full(60, 2), np.full(60, ft.PlantPart.STEM))
     (found,) = seen_in([stem], scan, transforms.pose((0.0, 3.0, 1.0))[None], METHODS)
     assert found.errors == pytest.approx({"algebraic": 0.1, "geometric": 0.1, "consensus": 0.1}, abs=1e-6)
+    with_branch = Scan(*(np.concatenate([part, part]) for part in scan))
+    with_branch.points[60:, :2] *= 3.0
+    with_branch.part[60:] = ft.PlantPart.BRANCH
+    (same,) = seen_in([stem], with_branch, transforms.pose((0.0, 3.0, 1.0))[None], METHODS)
+    assert same == found
+    (with_branches,) = seen_in([stem], with_branch, transforms.pose((0.0, 3.0, 1.0))[None], METHODS, branches=True)
+    assert with_branches.points == 120
     (hidden,) = seen_in([stem], scan._replace(instance=np.full(60, 3)), transforms.pose((0.0, 3.0, 1.0))[None], METHODS)
     assert (hidden.points, hidden.share) == (0, 0.0)
     assert np.isnan(list(hidden.errors.values())).all()
@@ -188,6 +195,7 @@ def test_a_mistake_is_one_line(
     [
         (stems, ["--seconds", "1"], "argument --seconds: must be 2 to 3600, got 1"),
         (places, ["--count", "0"], "argument --count: must be 1 to 10000, got 0"),
+        (places, ["--aside", "0"], "argument --aside: must be 0.1 to 1000, got 0"),
     ],
 )
 def test_numbers_that_are_not_allowed(
@@ -220,6 +228,16 @@ def test_recall_counts_queries_with_a_near_frame() -> None:
     distance = np.array([[2.9, 50.0], [1.0, 3.1], [9.0, 9.0]])
     dissimilarity = np.array([[0.1, 0.5], [0.6, 0.2], [0.1, 0.2]])
     assert places.recall(dissimilarity, distance) == (2, 50.0, 50.0)
+
+
+def test_recall_is_split_by_the_nearest_frame() -> None:
+    distance = np.array([[0.5, 9.0, 9.0], [8.0, 1.5, 9.0], [9.0, 2.5, 9.0], [9.0, 9.0, 9.0]])
+    dissimilarity = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3], [0.3, 0.1, 0.2], [0.2, 0.3, 0.1]])
+    found = places.by_nearest(dissimilarity, distance)
+    assert {name: each.recall for name, each in found.items()} == pytest.approx(
+        {"0 to 1": 100.0, "1 to 2": 0.0, "2 to 3": 100.0, "all": 200 / 3}
+    )
+    assert found["all"] == pytest.approx((3, 200 / 3, 100 / 3))
 
 
 def test_heights_of_another_shape_are_refused_with_the_method() -> None:

@@ -24,8 +24,10 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud, Image, Joints
+from fieldtruth.drive.physics import skid_compensation
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.pixel_points import PixelPoints, views_with_depth
+from fieldtruth.exporters.traction_images import HEADER, TABLE, row_of, tractions, write_images
 from fieldtruth.local_maps import world_of_run, world_rays
 from fieldtruth.local_maps.costs import CostMap, read_costs
 
@@ -33,6 +35,8 @@ SPACING: Final = 0.25
 """Distance [m] between places along the path."""
 LENGTH: Final = 1.0
 """Length [m] of the path around a place over which costs are taken, as ``fieldtruth cost`` does."""
+TURN: Final = 0.05
+"""Least turn [rad] by the wheels over ``LENGTH`` of which a share is taken."""
 HEIGHT: Final = 0.5  # [m]
 RANGE: Final = 30.0
 """Greatest distance [m] from base_link, in plan view, at which something is seen."""
@@ -42,6 +46,8 @@ Places = dict[str, NDArray[Any]]
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write ``places.npz``, ``frames.jsonl``, and for each frame that saw a place ``SENSOR/STAMP.npz`` and photograph.
+
+    Where wheels were recorded, photographs have images of traction, and ``data.csv`` a row for each.
 
     Raises:
         BagError: images without depth, or no true poses.
@@ -55,19 +61,24 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     places = places_of(run, costs)
     target.mkdir()
     np.savez_compressed(target / "places.npz", allow_pickle=False, **places)
+    rows = list[str]()
     with (target / "frames.jsonl").open("w", encoding="utf-8") as file:
         for source in (*views, *run.of(Cloud)):
-            file.writelines(_write_frames(run, source, places, target / source.label, options))
+            for line in filter(None, _write_frames(run, source, places, target / source.label, options)):
+                file.write(json.dumps(line) + "\n")
+                rows += [row_of(line, run.trajectory)] if line.get("traction") else []
+    if rows:
+        (target / TABLE).write_text(HEADER + "".join(rows), encoding="utf-8")
 
 
-def _write_frames(run: Run, source: Source, places: Places, folder: Path, options: Options) -> Iterator[str]:
+def _write_frames(run: Run, source: Source, places: Places, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
     """Write the files of the frames of a sensor, and yield their lines."""
     folder.mkdir()
     is_image = source.type is Image
     points = PixelPoints(run, source) if is_image else None
     readings = run.readings(source.name, ["photo", "depth"] if is_image else (), labelled=False)
 
-    def save(row: int) -> str:
+    def save(row: int) -> dict[str, Any]:
         reading = readings.read(row)
         return _save(_seen(run, source, points, places, reading), places, reading, folder)
 
@@ -78,8 +89,9 @@ def places_of(run: Run, costs: CostMap | None = None) -> Places:
     """Return the places of a run: stamp, position on the ground, heading, and costs over ``LENGTH`` around each.
 
     With s the way of base_link in space, t that of the treads (mean angle of the wheels times their radius), z the
-    height of base_link: ``slip`` 1 - s / |t|, ``rms`` [m/s2] sqrt(mean((d2z / dt2)^2)) over the poses as recorded,
-    ``tilt`` [rad] the greatest, ``speed`` [m/s]; ``energy`` [J/m] is that of the map of costs, if one is given.
+    height of base_link: ``slip`` 1 - s / |t|, ``turn_slip`` the same of the heading and of the turn that the wheels ask
+    for, NaN below ``TURN``, ``rms`` [m/s2] sqrt(mean((d2z / dt2)^2)) over the poses as recorded, ``tilt`` [rad] the
+    greatest, ``speed`` [m/s]; ``energy`` [J/m] is that of the map of costs, if one is given.
     """
     path, robot = run.trajectory, run.rig.robot
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path.position[:, :2], axis=0), axis=1))])
@@ -101,19 +113,34 @@ def _measured(run: Run, ends: NDArray[np.intp]) -> dict[str, Array]:
     """Costs between rows of the trajectory (n, 2)."""
     path, times = run.trajectory, run.trajectory.stamps_ns / 1e9
     space = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path.position, axis=0), axis=1))])
-    tread, wheels = np.full(len(times), np.nan), run.of(Joints)
-    if wheels:
-        joints = run.readings(wheels[0].name)[:]
-        tread = np.interp(times, joints.stamp_ns / 1e9, joints.angle.mean(axis=1) * run.rig.robot.wheels.radius)
+    tread, turn = _asked(run, times)
     rising = np.gradient(np.gradient(path.position[:, 2], times), times)
     up = 1.0 - 2.0 * (path.quaternion_wxyz[:, 1] ** 2 + path.quaternion_wxyz[:, 2] ** 2)
     tilt = np.arccos(np.clip(up, -1.0, 1.0))
+    w, x, y, z = path.quaternion_wxyz.T
+    heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
     between = [slice(a, b + 1) for a, b in ends]
-    way, turned, time = (np.diff(each[ends], axis=1)[:, 0] for each in (space, tread, times))
+    way, rolled, time, yaw, asked = (np.diff(each[ends], axis=1)[:, 0] for each in (space, tread, times, heading, turn))
     with np.errstate(divide="ignore", invalid="ignore"):
-        slip, speed = 1.0 - way / np.abs(turned), way / time
+        slip, speed = 1.0 - way / np.abs(rolled), way / time
+        turn_slip = np.where(np.abs(asked) >= TURN, 1.0 - yaw / asked, np.nan)
     rms = np.array([np.sqrt(np.mean(rising[rows] ** 2)) for rows in between])
-    return {"slip": slip, "rms": rms, "tilt": np.array([tilt[rows].max() for rows in between]), "speed": speed}
+    tilts = np.array([tilt[rows].max() for rows in between])
+    return {"slip": slip, "turn_slip": turn_slip, "rms": rms, "tilt": tilts, "speed": speed}
+
+
+def _asked(run: Run, times: Array) -> tuple[Array, Array]:
+    """Return the way [m] and turn [rad] that the wheels ask for up to times (n,) [s]; NaN if none are recorded.
+
+    Joints are left, right, left, right. A robot that skids turns by their difference over its effective track.
+    """
+    sources, wheels = run.of(Joints), run.rig.robot.wheels
+    if not sources:
+        return np.full(len(times), np.nan), np.full(len(times), np.nan)
+    joints = run.readings(sources[0].name)[:]
+    stamps = joints.stamp_ns / 1e9
+    left, right = (np.interp(times, stamps, joints.angle[:, side::2].mean(axis=1) * wheels.radius) for side in (0, 1))
+    return (left + right) / 2, (right - left) / (2 * wheels.half_track * skid_compensation(wheels))
 
 
 def _energy(costs: CostMap, ground: Array, heading: float, speed: float) -> float:
@@ -163,20 +190,22 @@ def _seen(
     return {"pixel": pixel.astype(np.uint16), "place": number[rows]}, pixel.astype(np.float64)
 
 
-def _save(seen: tuple[dict[str, NDArray[Any]], Array], places: Places, reading: Any, folder: Path) -> str:
+def _save(seen: tuple[dict[str, NDArray[Any]], Array], places: Places, reading: Any, folder: Path) -> dict[str, Any]:
     """Write the files of a frame, and return its line; empty if it saw no place."""
     arrays, at = seen
     numbers, row, count = np.unique(arrays["place"], return_inverse=True, return_counts=True)
     if not len(numbers):
-        return ""
+        return {}
     name, is_image = f"{folder.name}/{reading.stamp_ns}", isinstance(reading, Image)
     np.savez_compressed(folder.parent / f"{name}.npz", allow_pickle=False, **arrays)
     line: dict[str, Any] = {"sensor": folder.name, "stamp_ns": reading.stamp_ns, "file": f"{name}.npz"}
     if is_image:
         line["photo"] = name + (".jpg" if reading.jpeg else ".png")
         (folder.parent / line["photo"]).write_bytes(reading.jpeg or encode_png(reading.photo))
+        traction = tractions(places["slip"], places["turn_slip"])
+        line["traction"] = write_images(traction, arrays["pixel"], arrays["place"], reading, folder)
     ahead = (places["stamp_ns"][numbers] - reading.stamp_ns) / 1e9
     middle = np.stack([np.bincount(row, each) / count for each in at.T], axis=1)
     line |= {"place": numbers.tolist(), "seconds": ahead.tolist(), "count": count.tolist()}
     line["pixel" if is_image else "xyz"] = np.round(middle, 3).tolist()
-    return json.dumps(line) + "\n"
+    return line
