@@ -11,7 +11,7 @@ computer's time for the latter unless /use_sim_time is set.
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import geometry
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.bodies import moving_in
 from fieldtruth.bag.file import BagError, read_errors
 from fieldtruth.bag.geometry import (
     ModelStatesReader,
@@ -51,6 +52,8 @@ from fieldtruth.core.readings import Cloud
 from fieldtruth.core.transforms import inverse, pose_from_quaternion_wxyz, quaternion_wxyz_from_rotation
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.drive.track import Stamps
+from fieldtruth.experiment.actor_config import actor_names
+from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import BASE, KINDS, Output, SensorConfig, Topic
@@ -122,11 +125,11 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
     return {(parent, child): pose for child, (parent, pose) in ours.parents.items() if child in missing}
 
 
-def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
+def check_objects(run: Run, world: World, robot: str = ROBOT, moving: Iterable[str] = ()) -> None:
     """Check that the static objects of a bag are those of the world: the same names at the same poses.
 
-    Models beside them, such as a second robot, are allowed with a warning, unless their names are those of objects that
-    another layout has. A bag without models is taken as it is, with a warning.
+    Models beside them and those of ``moving``, such as a second robot, are allowed with a warning, unless their names
+    are those of objects that another layout has. A bag without models is taken as it is, with a warning.
 
     Raises:
         BagError: an object of the world is missing or has another pose, or the bag has more of its kind.
@@ -144,7 +147,7 @@ def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
     missing = [name for name in ours if name not in theirs]
     moved = [name for name in ours if name in theirs and not _is_near(theirs[name], ours[name])]
     # Gazebo has the land beyond the edge as models of their own, and may have any number of robots.
-    usual = {robot, ROBOT, f"{world.name}_backdrop", *ours, *(f"{name}_beyond" for name in ours)}
+    usual = {robot, ROBOT, f"{world.name}_backdrop", *ours, *moving, *(f"{name}_beyond" for name in ours)}
     others, kinds = [name for name in theirs if name not in usual], {*map(_kind, ours)}
     extra = [name for name in others if _kind(name) in kinds]
     if missing or moved or extra:
@@ -327,28 +330,43 @@ class _Addition(NamedTuple):
 
 def _write(addition: _Addition, target: Path, workers: int, progress: Progress) -> None:
     """Sense in slices, and write the new bag."""
-    run, rig, robot, config, world, scene, topics = addition
+    run, rig, robot, config, world, *_ = addition
     with _work_folder(target) as folder:
         frames = check_frames(run, rig)
         with progress.stage("read the poses", run.duration_s) as advance:
             poses = read_poses(run, rig, robot, advance)
         with progress.stage("build the world"):
             world = world or load_world(config.environment, config.seed, config.layout)
-        check_objects(run, world, robot)
-        sensor_world = SensorWorld(world, rig, config.light, config.weather, scene=scene, reuse=True)
-        slices = _slices(sensor_world, poses, topics, folder, progress)
+        made = run.experiment
+        check_objects(run, world, robot, [] if made is None else [*made.robots, *dict(actor_names(made.actors))])
+        sensor_world = _sensor_world(addition, world)
+        slices = _slices(addition, sensor_world, poses, folder, progress)
         seconds = (slices.end_ns - slices.start_ns) / 1e9
         with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
             slices.make(workers, advance)
-        if own := as_layout(world.classes):
+        if own := as_layout(sensor_world.world.classes):
             text = write_mapping({CLASSES_KEY: own})
             target.with_suffix(CLASSES_FILE).write_text(text, encoding="utf-8")
         with progress.stage("write the bag", run.duration_s) as advance:
             merge_bags(run, slices, target, _latched(poses, frames), poses.recorded_at, advance)
 
 
+def _sensor_world(addition: _Addition, world: World) -> SensorWorld:
+    """Return a world in its light, with what moves in the run, if the bag is one of this package.
+
+    Raises:
+        BagError: the bag lacks what moves.
+    """
+    run, rig, _, config, _, scene, _ = addition
+    made, options = run.experiment, dict[str, Any](scene=scene)
+    if made is not None and made.moving:
+        world, moving, leaning = moving_in(world, run, made)
+        options = {"moving": moving, "leaning": leaning}
+    return SensorWorld(world, rig, config.light, config.weather, reuse=True, **options)
+
+
 def _slices(
-    sensor_world: SensorWorld, poses: RecordedPoses, added: list[Topic], folder: RunFolder, progress: Progress
+    addition: _Addition, sensor_world: SensorWorld, poses: RecordedPoses, folder: RunFolder, progress: Progress
 ) -> Slices:
     """Check that the poses fit into the world, and prepare the slices of what the sensors see there."""
     world, rig, trajectory = sensor_world.world, sensor_world.rig, poses.trajectory
@@ -356,8 +374,12 @@ def _slices(
     check_poses(trajectory, streams, rig, world)
     with progress.stage("prepare the scene"):
         sensors = sensor_factory(sensor_world)
-    path = folder.slices(slices_key(world, rig, sensor_world.light, sensor_world.weather, trajectory))
-    return Slices(path, streams, added, sensors, start_ns=min(int(stream.stamps_ns[0]) for stream in streams) - 1)
+    made = addition.run.experiment
+    moving = [dump_experiment(made)] if made is not None and made.moving else []
+    path = folder.slices(slices_key(world, rig, sensor_world.light, sensor_world.weather, trajectory, *moving))
+    return Slices(
+        path, streams, addition.topics, sensors, start_ns=min(int(stream.stamps_ns[0]) for stream in streams) - 1
+    )
 
 
 @contextmanager

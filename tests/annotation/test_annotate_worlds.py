@@ -15,6 +15,7 @@ from kept_worlds import KEPT
 from sense_worlds import without_textures
 from small_park import LAYOUT, small_park
 
+from fieldtruth import cli
 from fieldtruth.annotation import check_objects
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
@@ -155,3 +156,16 @@ def test_without_models_the_world_is_an_assumption(park: World, tmp_path: Path) 
     run = open_run(write(tmp_path / "x.bag", [odometry(1, true_pose(0.0))]))
     with pytest.warns(FieldtruthWarning, match="nothing shows whether it was recorded in park with seed 0"):
         check_objects(run, park)
+
+
+def test_an_experiment_in_which_something_moves_is_refused_for_a_bag_in_which_nothing_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = tmp_path / "windy.yaml", tmp_path / "out.bag"
+    route = "route: {metres: {start: [0, 0], waypoints: [[3, 0]]}}"
+    file.write_text(f"name: windy\nenvironment: park\n{route}\nplants: {{yielding: true}}\nwind: {{speed_m_s: 4}}\n")
+    words = ["annotate", EXCERPT, "--environment", "park", "--experiment", file, "--out", out]
+    assert cli.main([str(word) for word in words]) == 2
+    what = "plants that yield and wind: what moves is labelled in runs that have their experiment.yaml"
+    assert capsys.readouterr().err == f"error: {file} has {what}, and {EXCERPT} has none\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["windy.yaml"]

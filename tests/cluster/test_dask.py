@@ -12,8 +12,10 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from record_fakes import make_experiment, use_fakes
+from small_park import in_small_park, small_park
 
 pytest.importorskip("distributed")
 
@@ -27,6 +29,8 @@ from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.cluster import cluster_engine
 from fieldtruth.core.errors import ClusterError, FieldtruthWarning, RouteError
 from fieldtruth.pipeline import generate, generate_by
+from fieldtruth.sense.leaning import LEAN_KNOT_NS
+from fieldtruth.simulation.company import Company
 
 pytestmark = pytest.mark.slow
 SECONDS = 6.0
@@ -81,6 +85,24 @@ def test_the_command_makes_a_run_in_processes_of_this_machine(tmp_path: Path, mo
         assert cli.main([*command, str(tmp_path / "cluster"), "--local-cluster", "2"]) == 0
     name = "park_1/park_1.bag"
     assert (tmp_path / "cluster" / name).read_bytes() == (tmp_path / "local" / name).read_bytes()
+
+
+def test_actors_and_plants_that_yield_move_on_workers_as_here(tmp_path: Path) -> None:
+    """The robot begins in high grass."""
+    experiment = in_small_park(
+        seconds=0.4,
+        rig={"sensors": [{"kind": "imu"}, {"kind": "gnss"}, {"kind": "lidar", "columns": 64, "rings": 16}]},
+        route={"metres": {"start": [-5.5, 9.0], "waypoints": [[-1.5, 9.0]]}},
+        actors={"anna": {"kind": "person"}},
+        plants={"yielding": True},
+    )
+    company = Company(experiment, small_park)
+    company.drive()
+    (leans,) = company.leans
+    assert np.abs(leans(leans.rows, np.array([4 * LEAN_KNOT_NS]))).max() > 0.5
+    bag = generate(experiment, tmp_path / "local", workers=1)
+    with cluster_engine(processes=2) as engine:
+        assert generate_by(engine, experiment, tmp_path / "cluster").read_bytes() == bag.read_bytes()
 
 
 def test_slices_come_through_the_scheduler_where_there_is_no_shared_folder(

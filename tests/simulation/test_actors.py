@@ -11,15 +11,17 @@ import pytest
 from sense_worlds import make_world
 
 from fieldtruth import pipeline
+from fieldtruth.annotation import annotate
 from fieldtruth.bag import topics
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.classes import Label
-from fieldtruth.core.errors import ConfigurationError, DriveError
+from fieldtruth.core.errors import ConfigurationError, DriveError, FieldtruthWarning
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, validated
+from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.company import Company
 from fieldtruth.simulation.fleet import Fleet
 from fieldtruth.simulation.motion import motion_along
@@ -97,6 +99,31 @@ def test_going_back_gives_the_same_again(world: World) -> None:
     another = Simulation(experiment, world=world)
     another.restore(state)
     assert all(map(alike, another.step(0.3).all["lidar"], after))
+
+
+def test_another_process_finds_the_actors_of_a_drive(world: World) -> None:
+    experiment = acted({"anna": CROSSER, "ben": BY_CHANCE}, seconds=0.3)
+    one, other = (Company(experiment, lambda: world) for _ in range(2))
+    one.drive()
+    other.know(pickle.loads(pickle.dumps(one.known())))
+    stamps = np.arange(0, 400_000_000, 5_000_000)
+    bodies = list(zip(one.bodies(""), other.bodies(""), strict=True))
+    assert all(np.array_equal(body.at(stamps), again.at(stamps)) for body, again in bodies)
+    assert any(np.ptp(body.at(stamps)[:, 1, 3]) > 0.3 for body, _ in bodies)
+
+
+def test_annotation_of_a_run_finds_its_actors(world: World, tmp_path: Path) -> None:
+    still = {"sensors": [*RIG["sensors"][:2], LIDAR | {"spinning": False}]}
+    experiment = acted({"anna": CROSSER}, seconds=0.3, rig=still)
+    run = pipeline.generate(experiment, tmp_path, world=world, workers=1)
+    with pytest.warns(FieldtruthWarning, match="/recorded"):
+        made = annotate(run, "park", rig=experiment.rig, scene=Scene(world), out=tmp_path / "again.bag", workers=1)
+    recorded = open_run(run)["lidar"]
+    with pytest.warns(FieldtruthWarning, match="paper's rig"):
+        again = open_run(made)["lidar"]
+    assert len(again) == len(recorded) == 3
+    assert all(alike(again[k], recorded[k]) for k in range(3))
+    assert (recorded[0].label == Label.PERSON).any()
 
 
 def test_bag_has_poses_and_joints_of_actors(world: World, tmp_path: Path) -> None:

@@ -12,13 +12,19 @@ import pytest
 from sense_worlds import make_world
 
 from fieldtruth import pipeline
+from fieldtruth.annotation import annotate
 from fieldtruth.bag.bodies import leans_in
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import open_run
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.sense.leaning import plants_of
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, plants_of
 from fieldtruth.sense.pressed import PressedPlants
+from fieldtruth.sense.scene import Scene
+from fieldtruth.simulation.company import Company
+from fieldtruth.simulation.fleet import Fleet
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.validation import world as validated_world
 from fieldtruth.validation.runner import validate
@@ -153,6 +159,22 @@ def test_no_point_of_a_plant_is_in_the_hull(world: World, run: Path) -> None:
     assert max(yielding) == 0
 
 
+def test_plants_far_from_the_route_lean_where_a_user_drives(world: World) -> None:
+    """Where no plant leans along the route, 10 m away, however the drive is cut; the scene of the start stays."""
+    swarm = world.swarms[0]
+    poses = swarm.world_from_object.copy()
+    poses[:, 1, 3] += 10.0
+    far = dataclasses.replace(world, swarms=(dataclasses.replace(swarm, world_from_object=poses),))
+    found = list[list[Cloud]]()
+    for steps in ([1.25], [0.213, 0.4, 0.637]):
+        simulation = Simulation(crossing(), world=far, sensors=["inside"])
+        simulation.reset(start=(0.0, 10.0, 0.0))
+        found.append([cloud for seconds in steps for cloud in simulation.step(seconds, (1.0, 0.0)).all["inside"]])
+    assert max(hull_hits(cloud, crossing()) for cloud in found[0]) == 0
+    assert all(map(alike, *found))
+    assert simulation.scene.plants is None
+
+
 def test_a_run_is_retraced_and_a_wrong_sign_of_the_lean_is_found(
     world: World, run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,6 +187,66 @@ def test_a_run_is_retraced_and_a_wrong_sign_of_the_lean_is_found(
     monkeypatch.setattr(PressedPlants, "__call__", lambda *given: -right(*given))
     wrong = {check.name: check for check in validate(run, workers=2)}
     assert wrong["retraced clouds"].passed is False
+
+
+def followed(world: World, first: str, second: str) -> Fleet:
+    """A robot and another one 0.1 m behind it."""
+    starts = {first: 0.0, second: -1.1}
+    robots = {
+        name: {"route": {"metres": {"start": (starts[name], 0.0), "waypoints": [(8.0, 0.0)]}}}
+        for name in sorted(starts)
+    }
+    rig = {"sensors": [{"kind": "imu"}, {"kind": "gnss"}]}
+    return Fleet(crossing(route=None, robots=robots, seconds=2.8, rig=rig), world=world)
+
+
+def test_a_robot_behind_another_feels_that_its_stems_lie(world: World) -> None:
+    """In 1.1 s no more than 0.35 (1 - exp(-1.1 / 25)) = 1.5 % of what the first took comes back."""
+    fleet = followed(world, "a", "b")
+    fleet.step(2.8)
+    first, second = (each.robot for each in fleet.robots.values())
+    assert second.pose[0][0] > 1.35  # its front is behind the last reeds
+    assert first.stems is not None
+    assert second.stems is not None
+    assert first.stems.work > 10.0
+    assert 0.0 < second.stems.work < 0.015 * first.stems.work
+
+
+@pytest.mark.slow
+def test_steps_and_the_order_of_robots_change_nothing(world: World) -> None:
+    one, other = followed(world, "a", "b"), followed(world, "b", "a")
+    for seconds in (0.01, 1.23, 1.56):
+        one.step(seconds)
+    driven = other.drive()
+    for name, alike in (("a", "b"), ("b", "a")):
+        motion = one.robots[name].track.motion
+        assert np.array_equal(motion.position[-1], driven[alike].track.motion.position[-1])
+        assert np.array_equal(motion.quaternion_wxyz[-1], driven[alike].track.motion.quaternion_wxyz[-1])
+
+
+def test_another_process_finds_the_leans_of_a_drive(world: World) -> None:
+    one, other = (Company(crossing(), lambda: world) for _ in range(2))
+    one.drive()
+    other.know(pickle.loads(pickle.dumps(one.known())))
+    stamps = np.arange(20) * LEAN_KNOT_NS
+    (leans,), (again,) = one.leans, other.leans
+    assert np.array_equal(again(again.rows, stamps), leans(leans.rows, stamps))
+    assert np.abs(leans(leans.rows, stamps)).max() > 1.0
+
+
+def test_annotation_of_a_run_finds_its_plants_pressed(world: World, run: Path, tmp_path: Path) -> None:
+    with pytest.warns(FieldtruthWarning, match="/recorded"):
+        made = annotate(run, "park", rig=crossing().rig, scene=Scene(world), out=tmp_path / "again.bag", workers=2)
+    assert same_clouds(made, "/inside/points") == 12
+
+
+def same_clouds(bag: Path, topic: str) -> int:
+    """Number of clouds of a topic, all of which are as those that were recorded."""
+    with open_bag(bag) as stored:
+        found = {name: [raw.data for raw in stored.messages([name])] for name in (topic, f"/recorded{topic}")}
+    again, recorded = found.values()
+    assert again == recorded
+    return len(again)
 
 
 def test_stiff_plants_and_none_leave_no_trace_in_the_experiment() -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,9 @@ def _figure(kind: str, name: str, seed: int) -> Figure:
     return KINDS[kind].figure(name, rng_of(seed, "actor", name, "figure"))
 
 
+_NONE: Final = np.zeros(0)
+
+
 class Actor:
     """An actor: its figure, and the poses of its root and the values of its joints at the knots that are known."""
 
@@ -71,10 +74,10 @@ class Actor:
             self._last = key, poses
         return poses
 
-    def restart(self) -> None:
-        """Forget all knots."""
-        self.roots.restart()
-        self.joints.restart()
+    def restart(self, roots: Array = _NONE, joints: Array = _NONE) -> None:
+        """Forget all knots, and know the first ones instead: world_from_root (n, 4, 4), values (n, joints)."""
+        self.roots.restart(*roots)
+        self.joints.restart(*joints)
         self._last = b"", self._last[1]
 
     def end(self, knots: int) -> None:
@@ -321,11 +324,7 @@ class ActorStates:
 
     def digest(self) -> list[Array]:
         """Return all that is known, as the key of what is made of it."""
-        return [
-            values(np.arange(len(values)) * KNOT_NS)
-            for each in self.actors.values()
-            for values in (each.roots, each.joints)
-        ]
+        return [values.known for each in self.actors.values() for values in (each.roots, each.joints)]
 
     def at(self, stamp_ns: int) -> tuple[Array, Array]:
         """Return poses (actors, 7), position and quaternion_xyzw, and twists (actors, 6) at a stamp [ns].

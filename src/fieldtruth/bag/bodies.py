@@ -16,10 +16,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, geodetic_route, metres_from_route
-from fieldtruth.sense.leaning import plants_of
+from fieldtruth.sense.leaning import Leaning, plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.model import World
 
 
@@ -41,6 +42,16 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
     _fill(actors.values(), poses, joints)
     bodies = [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
     return world, [*bodies, *(cast.bodies() if cast else [])]
+
+
+def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody], Leaning | None]:
+    """Return the world of a run with what moves in it, the bodies, and the plants that lean.
+
+    Raises:
+        BagError: the bag is damaged, or lacks them.
+    """
+    world, bodies = with_bodies(world, run, experiment)
+    return world, bodies, leaning_of(experiment.wind, world, experiment.seed, *leans_in(world, run, experiment))
 
 
 def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[PressedPlants]:

@@ -43,6 +43,7 @@ def _export(options: argparse.Namespace) -> None:
 
 def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
+    from fieldtruth.bag.run import open_run
     from fieldtruth.core.readings import Cloud
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.rig import Rig
@@ -51,6 +52,10 @@ def _annotate(options: argparse.Namespace) -> None:
     if like is not None and world_name(options.environment) not in (like.world_name, like.environment):
         expected = f"{like.world_name!r}, the environment of {options.experiment}"
         raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
+    if like is not None and like.moving and open_run(options.bag).experiment is None:
+        what = f"{options.experiment} has {' and '.join(like.moving)}"
+        known = "what moves is labelled in runs that have their experiment.yaml"
+        raise UsageError(f"{what}: {known}, and {options.bag} has none")
     rig = Rig() if like is None else like.rig
     if not options.clouds:
         rig = rig.with_each(lambda each: {"enabled": False} if issubclass(each.gives, Cloud) else {})

@@ -19,7 +19,7 @@ from fieldtruth.bag.topics import topics_of_run
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster import worker
 from fieldtruth.cluster.worker import Order, OtherWorkerError, cluster_errors, difference, facts, make_slice
-from fieldtruth.core.errors import ClusterError, ConfigurationError, FieldtruthWarning
+from fieldtruth.core.errors import ClusterError, FieldtruthWarning
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.experiment.config import Experiment
@@ -37,13 +37,13 @@ _VISIBLE_S: Final = 90.0
 
 
 class ClusterSlices(SliceFolder):
-    """Slices in a folder of this machine, made by workers that have the track."""
+    """Slices in a folder of this machine, made by workers that have the motion."""
 
-    def __init__(self, client: Client, order: Order, track: Future, topics: Sequence[Topic], end_ns: int) -> None:
+    def __init__(self, client: Client, order: Order, moved: Future, topics: Sequence[Topic], end_ns: int) -> None:
         super().__init__(Path(order.folder), topics, 0, end_ns)
         self._client = client
         self._order = order
-        self._track = track
+        self._moved = moved
 
     def made(self, workers: int, advance: Advance) -> Generator[int]:
         """Have the workers make the missing slices; ``workers`` counts threads of this process and is not used.
@@ -74,7 +74,7 @@ class ClusterSlices(SliceFolder):
 
     def _submit(self, k: int) -> Future:
         key = f"slice-{k:06d}-{uuid.uuid4().hex}"  # earlier slices first
-        return self._client.submit(make_slice, self._order, self._track, k, key=key, priority=self._order.priority)
+        return self._client.submit(make_slice, self._order, self._moved, k, key=key, priority=self._order.priority)
 
     def _keep(self, k: int, future: Future) -> bool:
         """Have the slice of a finished task in the folder; False if another worker must make it."""
@@ -153,14 +153,10 @@ class ClusterEngine:
         """Have a worker build the world and drive, or follow the track file.
 
         Raises:
-            ConfigurationError: an experiment with actors, or with plants that yield.
+            ConfigurationError: an actor cannot begin where it should.
             ClusterError: a worker differs from this machine, or workers or scheduler are lost.
             RouteError, DriveError, TrackError: as in ``generate``.
         """
-        made = simulation.experiment
-        if made.is_living:
-            what = "actors" if made.actors else "plants that yield"
-            raise ConfigurationError(f"{made.name} has {what}, which move in one process; leave the cluster out")
         with cluster_errors():
             with progress.stage("wait for workers"):
                 self.client.wait_for_workers(1)
@@ -187,8 +183,8 @@ class PreparedThere:
         self._client = client
         self._priority = priority
         self._text = dump_experiment(experiment)
-        self._track = self._task(worker.drive_track, given)
-        self._facts = self._task(worker.run_facts, self._track).result()
+        self._moved = self._task(worker.drive_track, given)
+        self._facts = self._task(worker.run_facts, self._moved).result()
         self._topics = topics_of_run(experiment, latched=self._facts.latched)
 
     @property
@@ -200,12 +196,12 @@ class PreparedThere:
     def slices(self, folder: Path) -> ClusterSlices:
         """Return the slices in a folder, which workers make."""
         order = worker.Order(self._text, self.key, str(folder.resolve()), f".{uuid.uuid4().hex}.token", self._priority)
-        return ClusterSlices(self._client, order, self._track, self._topics, self._facts.end_ns)
+        return ClusterSlices(self._client, order, self._moved, self._topics, self._facts.end_ns)
 
     def card(self, counts: Mapping[str, int]) -> str:
         """Return the data card."""
         with cluster_errors():
-            text: str = self._task(worker.card, self._track, counts).result()
+            text: str = self._task(worker.card, self._moved, counts).result()
         return text
 
     def _task(self, function: Any, *inputs: object) -> Future:

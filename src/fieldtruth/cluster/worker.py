@@ -28,6 +28,7 @@ from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.pipeline import PreparedHere
 from fieldtruth.record.slices import Slices, slices_key
+from fieldtruth.simulation.company import ALONE, Company, Known
 from fieldtruth.simulation.motion import track_in
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
@@ -143,30 +144,39 @@ class Order(NamedTuple):
     priority: int
 
 
-def drive_track(text: str, given: TrackFile | None) -> Track:
-    """Drive in the world, or follow the track file; returns the track."""
+class Moved(NamedTuple):
+    """Motion of a run: the robot's, and where it has actors or plants that yield, what these need."""
+
+    track: Track
+    known: Known | None
+
+
+def drive_track(text: str, given: TrackFile | None) -> Moved:
+    """Drive in the world, or follow the track file, with all that moves."""
     experiment = parse_experiment(text)
-    return track_in(_world(experiment), experiment, given)
+    world, company = _company(experiment)
+    track = track_in(world, experiment, given, company=company)
+    return Moved(track, None if company is None else company.known())
 
 
-def run_facts(text: str, track: Track) -> RunFacts:
+def run_facts(text: str, moved: Moved) -> RunFacts:
     """Return key and end of a run whose drive is done."""
-    prepared = _prepared(text, track)
-    return RunFacts(prepared.key, int(track.motion.stamps_ns[-1]), prepared.latched)
+    prepared = _prepared(text, moved)
+    return RunFacts(prepared.key, int(moved.track.motion.stamps_ns[-1]), prepared.latched)
 
 
-def card(text: str, track: Track, counts: Mapping[str, int]) -> str:
+def card(text: str, moved: Moved, counts: Mapping[str, int]) -> str:
     """Return the data card of a run."""
-    return _prepared(text, track).card(counts)
+    return _prepared(text, moved).card(counts)
 
 
-def make_slice(order: Order, track: Track, k: int) -> tuple[bytes, Maker] | None:
+def make_slice(order: Order, moved: Moved, k: int) -> tuple[bytes, Maker] | None:
     """Make slice ``k`` of a run; returns None if it is in the client's folder, else its content and what made it.
 
     Raises:
         OtherWorkerError: code, libraries, world or track of this worker are not those of the client.
     """
-    slices = _slices.get(order.token, lambda: _open(order, track))
+    slices = _slices.get(order.token, lambda: _open(order, moved))
     shared = slices.folder == Path(order.folder)
     # A task that was cancelled runs on in its thread, and the same slice may be asked for again.
     with _writing.get(str(slices.path(k)), Lock):
@@ -184,13 +194,27 @@ def _world(experiment: Experiment) -> World:
     return _worlds.get(repr(inputs), lambda: world_of(experiment))
 
 
-def _prepared(text: str, track: Track) -> PreparedHere:
+def _company(experiment: Experiment) -> tuple[World, Company | None]:
+    """Return the world of an experiment, and what moves in it with the robot, if anything does."""
+    world = _world(experiment)
+    if not experiment.is_living:
+        return world, None
+    company = Company(experiment, lambda: world)
+    return company.world, company
+
+
+def _prepared(text: str, moved: Moved) -> PreparedHere:
     experiment = parse_experiment(text)
-    return PreparedHere(experiment, _world(experiment), track)
+    world, company = _company(experiment)
+    if company is None or moved.known is None:
+        return PreparedHere(experiment, world, moved.track)
+    company.know(moved.known)
+    moving, actors, leans = company.bodies(ALONE), company.actors, company.leans
+    return PreparedHere(experiment, world, moved.track, moving=moving, actors=actors, leans=leans)
 
 
-def _open(order: Order, track: Track) -> Slices:
-    worker, prepared = get_worker(), _prepared(order.text, track)
+def _open(order: Order, moved: Moved) -> Slices:
+    worker, prepared = get_worker(), _prepared(order.text, moved)
     if prepared.key != order.key:
         raise OtherWorkerError(worker.address)
     folder = Path(order.folder)

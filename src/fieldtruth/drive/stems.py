@@ -24,6 +24,7 @@ The sides of a hull that turns press stems down without a force. Wheels push as 
 """
 
 import weakref
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from typing import Any, Final
@@ -136,6 +137,14 @@ class StemContact:
         state = data.qpos, rotation.reshape(3, 3), time_s
         push_stems(self.stems, self._cells, elastica(), self._edges, state, self.pressed, force)
         self._velocity, self._force = velocity.copy(), force.copy()
+
+    def share(self, others: Iterable["StemContact"]) -> None:
+        """Have the stems pressed down that those of other robots of the same world have, and these those of all."""
+        contacts = [self, *others]
+        for contact in contacts[1:]:
+            np.maximum(self.pressed, contact.pressed, out=self.pressed)
+        for contact in contacts[1:]:
+            contact.pressed[:] = self.pressed
 
     def reset(self) -> None:
         """Let all stems stand."""

@@ -350,8 +350,19 @@ class Experiment(Frozen):
 
     @property
     def is_living(self) -> bool:
-        """True if actors, or plants that yield, move with the robot, so that one process steps them all."""
+        """True if actors, or plants that yield, move with the robot."""
         return bool(self.actors) or self.plants.yielding
+
+    @property
+    def moving(self) -> list[str]:
+        """Names of what moves beside the robot."""
+        every = {
+            "robots": self.robots,
+            "actors": self.actors,
+            "plants that yield": self.plants.yielding,
+            "wind": self.wind is not None and self.wind.speed_m_s > 0,
+        }
+        return [name for name, given in every.items() if given]
 
     @property
     def noise_seed(self) -> int:

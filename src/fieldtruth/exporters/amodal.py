@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.bodies import leans_in, with_bodies
+from fieldtruth.bag.bodies import moving_in
 from fieldtruth.bag.run import Run
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
@@ -24,7 +24,6 @@ from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.leaning import WHOLE, Leaning, square
 from fieldtruth.sense.lens import intrinsics_of, ray_table
 from fieldtruth.sense.moving import MovingBody
-from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.model import Mesh, World
 
@@ -50,10 +49,7 @@ class Silhouette(NamedTuple):
 def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody], Leaning | None]:
     """Return the world of a run, bodies that move in it and plants that lean; raises as ``world_of_run``."""
     world, made = world_of_run(run), run.experiment
-    if made is None:
-        return world, [], None
-    world, bodies = with_bodies(world, run, made)
-    return world, bodies, leaning_of(made.wind, world, made.seed, *leans_in(world, run, made))
+    return (world, [], None) if made is None else moving_in(world, run, made)
 
 
 class WholeObjects:

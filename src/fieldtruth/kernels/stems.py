@@ -20,9 +20,12 @@ X, Y, Z, COUNT, RIGIDITY, BREAKS, HEIGHT, RECOVERS, SECONDS = range(9)
 AHEAD, UP, LENGTH, MOMENT, ENERGY = range(5)
 """Columns of the table."""
 NEVER: Final = -np.inf
-KINKED: Final = np.inf
-BROKEN: Final = 1e300
-"""Times at which a stem was pressed down: of one that has not been; of one that has a kink at its foot, and lies."""
+KINKED: Final = 1e300
+BROKEN: Final = np.inf
+"""Times at which a stem was pressed down: of one that has not been; of one that has a kink at its foot, and lies.
+
+What happened to a stem last has the greatest, so that of several robots the greatest time counts.
+"""
 RESIDUAL: Final = 0.4
 """Share of the breaking moment that a kink keeps while it turns (assumed; thin tubes keep a third to a half)."""
 _LOWEST: Final = 0.04
@@ -50,7 +53,7 @@ def standing(pressed: float, time: float, recovers: float, seconds: float) -> fl
     """Share of its resistance that a stem has again at a time [s], which was pressed down at another."""
     if pressed == NEVER:
         return 1.0
-    if pressed >= BROKEN:
+    if pressed >= KINKED:
         return 0.0
     return recovers * -math.expm1(-(time - pressed) / seconds)
 

@@ -98,6 +98,10 @@ class Leaning:
     def __init__(self, plants: Plants, causes: Sequence[Lean]) -> None:
         self.plants, self.causes = plants, tuple(causes)
 
+    def with_cause(self, old: Lean, new: Lean) -> "Leaning":
+        """Return the same plants with another cause in place of one."""
+        return Leaning(self.plants, [new if each is old else each for each in self.causes])
+
     @cached_property
     def rows(self) -> Index:
         """Rows (n,) of the plants that any cause moves, rising."""

@@ -77,6 +77,11 @@ class KnotPoses:
         """Forget all poses, and begin with these at time 0."""
         self._poses, self._first = [*poses], 0
 
+    @property
+    def known(self) -> Array:
+        """Poses (n, 4, 4) at all knots from time 0 on, of which none is forgotten."""
+        return self(np.arange(len(self)) * KNOT_NS)
+
     def add(self, poses: Iterable[Array]) -> None:
         """Add the poses (n, 4, 4) at the next knots."""
         self._poses += list(poses)

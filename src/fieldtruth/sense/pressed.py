@@ -16,6 +16,9 @@ crushed springs back.
 The lean at a knot follows from the robot's poses until the knot before, continued for one knot beyond, so that plants
 are out of the way between knots, too, and bend some centimetres early. It is a pure function of these poses.
 Bushes lean by _BUSH at most and are not crushed: their twigs bend one by one, which a rigid turn does not show.
+
+Plants lean near the planned ways; to ray tracers, others are what stands still. Where a robot that users drive comes to
+the edge of these areas, another begins around it, in which plants lean from then on (``PressedPlants.until``).
 """
 
 from collections import defaultdict
@@ -30,13 +33,17 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Plants, bunches_of
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Lean, Plants, bunches_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.stems import species_of, yields_of
 
 REACH: Final = 2.0
-"""Distance [m] from the ways of robots within which plants are pressed; none drives farther from its route."""
+"""Distance [m] from the ways of robots within which plants lean; no follower drives farther from its route."""
+_AROUND: Final = 4.0
+"""Radius [m] of an area in which plants lean where a robot left its way."""
+_EDGE: Final = 0.7
+"""Distance [m] of a robot from the edge of an area at which it leaves it: no plant beyond is touched yet."""
 FLAT: Final = np.radians(85.0)
 """Lean of what a wheel has rolled over, and at most of what is behind the hull."""
 _BUSH: Final = np.radians(60.0)
@@ -72,7 +79,7 @@ def _hull(rig: Rig) -> _Hull:
 class PressedPlants:
     """Lean of the plants of a world that robots of ``hulls`` (rig and poses at the knots of bodies) press.
 
-    Plants lean within REACH of ``ways``, corners (m, 2) [m] of lines. Threads may share it.
+    ``rows`` are those within REACH of ``ways``, corners (m, 2) [m] of lines. Threads may share it.
     """
 
     holds: Final = FLAT
@@ -90,34 +97,56 @@ class PressedPlants:
         self._world, self._plants = world, plants
         self._hulls = [(_hull(rig), poses) for rig, poses in hulls.values()]
         kinds = {name: yields_of(world.meshes[name]) for name in np.unique(plants.mesh).tolist()}
-        soft = np.array([kinds[name] != "solid" for name in plants.mesh.tolist()], np.bool_)
-        self.rows: Index = np.flatnonzero(soft & _near(plants.foot[:, :2], ways))
-        self._foot = plants.foot[self.rows]
-        own = [world.meshes[name] for name in plants.mesh[self.rows].tolist()]
-        self._most = np.array([FLAT if mesh.tufts is not None else _BUSH for mesh in own])
-        self._recovers, self._seconds = np.array([_recovery(mesh) for mesh in own]).reshape(-1, 2).T
-        self._reach = np.hypot(plants.height[self.rows], 1.0)
+        self._soft: Index = np.flatnonzero([kinds[name] != "solid" for name in plants.mesh.tolist()])
+        self._foot = plants.foot[self._soft]
+        self._ways = [(way, REACH) for way in ways]
+        self.rows: Index = self._soft[_beyond(self._foot[:, :2], self._ways) < 0.0]
+        names, own = np.unique(plants.mesh[self._soft], return_inverse=True)
+        meshes = [world.meshes[name] for name in names.tolist()]
+        self._most = np.array([FLAT if mesh.tufts is not None else _BUSH for mesh in meshes])[own]
+        self._recovers, self._seconds = np.array([_recovery(mesh) for mesh in meshes]).reshape(-1, 2)[own].T
+        self._reach = np.hypot(plants.height[self._soft], 1.0)
         self._shapes: dict[tuple[str, int], Array] = {}
         self._points: dict[int, Array] = {}
         self._lock = Lock()
         self.restart()
 
     def restart(self) -> None:
-        """Let all plants stand, at time 0, for other poses. Set ``end_ns`` to the stamp from which the robots stand."""
+        """Let all plants stand, at time 0, for other poses.
+
+        Set ``free_ns`` to the stamp from which users drive, and ``end_ns`` to that from which the robots stand.
+        """
         self.version += 1
         self._known = 0  # knots that are known, beside that at time 0
         self._pressed: dict[int, list[int]] = defaultdict(list)
         self._leans: dict[int, list[Array]] = defaultdict(list)
-        self.end_ns = _NEVER
+        self._strayed = list[tuple[int, Array]]()
+        """Knots, and positions (2,) [m] of robots there, around which plants lean, too."""
+        self._wider = dict[int, Lean]()
+        self._yielding = np.isin(self._soft, self.rows)
+        self.free_ns = self.end_ns = _NEVER
+
+    def until(self, stamp_ns: int) -> Lean:
+        """Return the lean of the plants that lean in readings which begin at a stamp [ns], or before."""
+        knot = stamp_ns // LEAN_KNOT_NS
+        with self._lock:
+            self._advance_to(knot)
+            count = sum(at <= knot for at, _ in self._strayed)
+            if count and count not in self._wider:
+                self._wider[count] = _Wider(self, [_area(position) for _, position in self._strayed[:count]])
+        return self._wider[count] if count else self
+
+    def wider(self, areas: Sequence["_Area"]) -> Index:
+        """Return ``rows`` with those of plants in further areas."""
+        return self._soft[_beyond(self._foot[:, :2], [*self._ways, *areas]) < 0.0]
 
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
         """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
         knots = np.asarray(knots_ns) // LEAN_KNOT_NS
-        own = np.searchsorted(self.rows, rows)
+        own = np.searchsorted(self._soft, rows)
         found = np.zeros((len(knots), len(rows), 3))
         with self._lock:
-            while self._known < knots.max(initial=0):
-                self._advance(self._known + 1)
+            self._advance_to(int(knots.max(initial=0)))
             touched = np.array([row in self._pressed for row in own.tolist()], np.bool_)
             for k, knot in enumerate(knots.tolist()):
                 found[k, touched] = self._leans_at(own[touched], knot)
@@ -136,6 +165,10 @@ class PressedPlants:
         depth = np.where(behind, np.exp(-(knot - last) * _TIME / _SPRINGS), 1.0)
         return np.asarray(lean * np.stack([left, left, depth], axis=-1))
 
+    def _advance_to(self, knot: int) -> None:
+        while self._known < knot:
+            self._advance(self._known + 1)
+
     def _advance(self, knot: int) -> None:
         """Find what is pressed at a knot, by all robots in turn."""
         for hull, poses in self._hulls:
@@ -143,6 +176,11 @@ class PressedPlants:
             stamps = np.clip(np.array([knot - 2, knot - 1]) * LEAN_KNOT_NS, KNOT_NS, self.end_ns)
             before, now = poses(stamps)
             moved = np.linalg.inv(before) @ now
+            if (knot - 1) * LEAN_KNOT_NS >= self.free_ns:
+                areas = [*self._ways, *(_area(position) for _, position in self._strayed)]
+                if _beyond(now[None, :2, 3], areas)[0] > -_EDGE:
+                    self._strayed.append((knot, now[:2, 3]))
+                    self._yielding |= _beyond(self._foot[:, :2], [_area(now[:2, 3])]) < 0.0
             self._press(knot, hull, now @ moved @ moved, float(moved[0, 3]))
         self._known = knot
 
@@ -150,7 +188,7 @@ class PressedPlants:
         """Press plants at a knot; ``ahead`` [m] is what the hull moves forwards in a knot, to this pose at last."""
         far = np.hypot(hull.front + abs(ahead), hull.half)
         gap = np.hypot(*(self._foot[:, :2] - world_from_base[:2, 3]).T)
-        near = np.flatnonzero(gap < far + self._reach)
+        near = np.flatnonzero(self._yielding & (gap < far + self._reach))
         if not len(near):
             return
         before, now = self._leans_at(near, knot - 1), self._leans_at(near, knot)
@@ -180,7 +218,7 @@ class PressedPlants:
         return np.concatenate(parts), np.arange(len(parts)).repeat([len(part) for part in parts])
 
     def _shape(self, row: int) -> Array:
-        plants, number = self._plants, int(self.rows[row])
+        plants, number = self._plants, int(self._soft[row])
         key = str(plants.mesh[number]), int(plants.bunch[number])
         if key not in self._shapes:
             self._shapes[key] = _samples(self._world.meshes[key[0]], key[1])
@@ -264,15 +302,41 @@ class _Body(NamedTuple):
         return np.asarray((np.abs(local[:, 0]) < x) & (np.abs(np.abs(local[:, 1]) - y) < half))
 
 
-def _near(feet: Array, ways: Sequence[Array]) -> Mask:
-    """Mask of feet (n, 2) within REACH of lines of corners (m, 2)."""
-    near = np.zeros(len(feet), np.bool_)
-    for way in ways:
+class _Wider:
+    """The lean of plants of which more are in the ray tracer; see ``leaning.Lean``."""
+
+    holds: Final = FLAT
+
+    def __init__(self, pressed: PressedPlants, areas: Sequence["_Area"]) -> None:
+        self.rows, self._pressed = pressed.wider(areas), pressed
+
+    @property
+    def version(self) -> int:
+        """Number of drives that began."""
+        return self._pressed.version
+
+    def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
+        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
+        return self._pressed(rows, knots_ns)
+
+
+_Area = tuple[Array, float]
+"""Corners (m, 2) [m] of a line, and the distance [m] from it within which plants lean."""
+
+
+def _area(position: Array) -> _Area:
+    return np.stack([position, position]), _AROUND
+
+
+def _beyond(points: Array, areas: Sequence[_Area]) -> Array:
+    """Distances (n,) [m] of points (n, 2) from the nearest edge of an area; negative inside of one."""
+    beyond = np.full(len(points), np.inf)
+    for way, reach in areas:
         for start, end in pairwise(way):
             along = end - start
-            share = ((feet - start) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
-            near |= np.hypot(*(feet - start - share[:, None] * along).T) < REACH
-    return near
+            share = ((points - start) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
+            beyond = np.minimum(beyond, np.hypot(*(points - start - share[:, None] * along).T) - reach)
+    return beyond
 
 
 def _recovery(mesh: Mesh) -> tuple[float, float]:

@@ -92,6 +92,20 @@ class SensorWorld(_Shared):
             self.once("scene", lambda: baked.scene)
             self.once("baked", lambda: baked)
 
+    def leant(self, leaning: Leaning) -> "SensorWorld":
+        """Return the same, in which other plants lean."""
+        return SensorWorld(
+            self.world,
+            self.rig,
+            self.light,
+            self.weather,
+            seed=self.seed,
+            reuse=self.reuse,
+            workers=self.workers,
+            moving=self.moving,
+            leaning=leaning,
+        )
+
     @property
     def wide_ids(self) -> bool:
         """Return whether instance ids need more than 16 bits."""

@@ -8,10 +8,10 @@ of its drive a robot stays where it was at its last knot.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -40,6 +40,19 @@ _STRIDE: Final = 100
 """Rows of a motion that is given between two points of the way that actors expect."""
 ALONE: Final = ""
 """Name of the robot of an experiment that has no others."""
+
+
+class Known(NamedTuple):
+    """What a company knows of a drive that has ended, for ``Company.know``; it can be pickled."""
+
+    routes: Mapping[str, RouteConfig]
+    """Those that were planned, by robot."""
+    poses: Mapping[str, Array]
+    """Poses (n, 4, 4) at the knots from time 0 on, by robot."""
+    actors: Mapping[str, tuple[Array, Array]]
+    """Poses (n, 4, 4) of the root and values (n, joints) at the knots, by actor."""
+    times_ns: list[tuple[int, int]]
+    """Stamps [ns] from which on users drive, and robots stand, of plants that yield."""
 
 
 class Company:
@@ -143,6 +156,11 @@ class Company:
         if self.cast is not None:
             self.cast.forget(before_ns)
 
+    def set_free(self, stamp_ns: int) -> None:
+        """Take note that users drive from a stamp [ns] on, so that robots may leave their routes."""
+        for each in self.leans:
+            each.free_ns = min(each.free_ns, stamp_ns)
+
     def end_actors(self, stamp_ns: int) -> None:
         """Let the actors stand from the knot [ns] on at which the last drive ends, as far as its bag knows them."""
         for each in self.leans:
@@ -167,18 +185,43 @@ class Company:
     def save(self) -> Any:
         """Return what ``restore`` needs to go on from here."""
         poses = {name: each.save() for name, each in self.poses.items()}
-        return None if self.cast is None else self.cast.save(), poses, [each.end_ns for each in self.leans]
+        times = [(each.free_ns, each.end_ns) for each in self.leans]
+        return None if self.cast is None else self.cast.save(), poses, times
 
     def restore(self, saved: Any) -> None:
         """Go on from where ``save`` was called, in this company or another of the same experiment."""
-        cast, poses, ends = saved
+        cast, poses, times = saved
         if self.cast is not None:
             self.cast.restore(cast)
         for name, each in self.poses.items():
             each.restore(poses[name])
-        for pressed, end_ns in zip(self.leans, ends, strict=True):
-            pressed.restart()  # leans follow from all poses, which may be of another drive than those found so far
-            pressed.end_ns = end_ns
+        self._press_again(times)
+
+    def known(self) -> Known:
+        """Return what sensors need of a drive that has ended."""
+        actors = {} if self.cast is None else self.cast.actors
+        return Known(
+            self._routes,
+            {name: each.known for name, each in self.poses.items()},
+            {name: (each.roots.known, each.joints.known) for name, each in actors.items()},
+            [(each.free_ns, each.end_ns) for each in self.leans],
+        )
+
+    def know(self, known: Known) -> None:
+        """Take a drive from another company of the same experiment, for sensors; it cannot go on."""
+        self._routes = dict(known.routes)
+        for name, each in self.poses.items():
+            each.restart(*known.poses[name])
+        for name, motion in known.actors.items():
+            assert self.cast is not None
+            self.cast.actors[name].restart(*motion)
+        self._press_again(known.times_ns)
+
+    def _press_again(self, times_ns: Iterable[tuple[int, int]]) -> None:
+        """Let plants lean by all poses, which may be of another drive than those found so far."""
+        for pressed, times in zip(self.leans, times_ns, strict=True):
+            pressed.restart()
+            pressed.free_ns, pressed.end_ns = times
 
     def _states(self, stamp_ns: int) -> list[RobotState]:
         """Return where the robots are at a knot [ns], and how fast."""
@@ -198,8 +241,15 @@ class Company:
         rows = rows[motion.stamps_ns[rows] >= len(self.poses[name]) * KNOT_NS]
         self.poses[name].add(pose_from_quaternion_wxyz(motion.position[rows], motion.quaternion_wxyz[rows]))
 
-    def meet(self, name: str, robot: SimulatedRobot, stamp_ns: int) -> None:
-        """Put the others of a robot where they are at a knot [ns]."""
+    def meet(self, robots: Mapping[str, SimulatedRobot], stamp_ns: int) -> None:
+        """Put the others of each robot that drives where they are at a knot [ns]; all feel what any has pressed."""
+        for name, robot in robots.items():
+            self._put_others(name, robot, stamp_ns)
+        first, *others = [each.stems for each in robots.values()]
+        if first is not None:
+            first.share(filter(None, others))
+
+    def _put_others(self, name: str, robot: SimulatedRobot, stamp_ns: int) -> None:
         poses = {other: self.poses[other]([stamp_ns])[0] for other in self.experiments if other != name}
         if self.cast is None:
             robot.meet(poses)
@@ -218,8 +268,7 @@ class Company:
         self.begin(self._routes)
         left, stamp = list(drives), 0
         while left:
-            for name in left:
-                self.meet(name, drives[name].robot, stamp)
+            self.meet({name: drives[name].robot for name in left}, stamp)
             stamp += KNOT_NS
             for name in left:
                 with errors_of(name):

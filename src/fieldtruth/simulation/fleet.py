@@ -154,8 +154,9 @@ class Fleet:
         """Drive from one knot to the next."""
         company, failed = self._company, list[DriveError]()
         running = {name: each for name, each in self.robots.items() if not each.done}
-        for name, each in running.items():
-            company.meet(name, each.robot, self._stamp_ns)
+        if commands:
+            company.set_free(self._stamp_ns)
+        company.meet({name: each.robot for name, each in running.items()}, self._stamp_ns)
         self._stamp_ns += KNOT_NS
         for name, each in running.items():
             try:

@@ -291,11 +291,25 @@ def with_given_track(experiment: Experiment) -> Given:
     return Given(without_wheels(experiment) if experiment.frames is not None else experiment, track)
 
 
-def track_in(world: World, experiment: Experiment, given: TrackFile | None, advance: Advance | None = None) -> Track:
-    """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
-    if experiment.frames is not None and given is None:
+def track_in(
+    world: World,
+    experiment: Experiment,
+    given: TrackFile | None,
+    advance: Advance | None = None,
+    company: Company | None = None,
+) -> Track:
+    """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken.
+
+    The robot's ``company`` moves with it, in ``world``, which is the company's.
+    """
+    if given is not None:
+        track = follow_track(experiment, world, given)
+        if company is not None:
+            company.follow(track.swept, int(track.motion.stamps_ns[-1]))
+        return track
+    if experiment.frames is not None:
         return standing_robot(world, experiment)
-    return plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
+    return plan_and_drive(world, experiment, advance) if company is None else company.drive(advance)[ALONE]
 
 
 class MotionState(NamedTuple):
@@ -387,6 +401,8 @@ class LiveMotion(GrowingMotion):
 
     def advance(self, steps: int, command: Command | None, keep_ns: int) -> None:
         """Drive on towards a command, or those of the follower."""
+        if command is not None and self._company is not None:
+            self._company.set_free(self.reached_ns)
         until = self.reached_ns // STEP_NS + steps
         while self.robot.steps < (step := min(until, self._drive.end, self._next_knot())):
             self._drive_to(int(step), command, keep_ns)
@@ -410,7 +426,7 @@ class LiveMotion(GrowingMotion):
         """Drive to a step, at most to the next knot."""
         company, stamp = self._company, step * STEP_NS
         if company is not None and self.robot.steps % KNOT_STEPS == 0:
-            company.meet(ALONE, self.robot, self.robot.steps * STEP_NS)
+            company.meet({ALONE: self.robot}, self.robot.steps * STEP_NS)
         motion, wheels = self._drive.drive_to(step, command)
         self._add(motion, wheels, keep_ns)
         if company is not None and step % KNOT_STEPS == 0:
@@ -444,7 +460,7 @@ class LiveMotion(GrowingMotion):
         self.reached_ns, self.end_ns = saved.reached_ns, saved.checkpoint.end * STEP_NS
         if self._company is not None:
             self._company.restore(saved.company)
-            self._company.meet(ALONE, self.robot, saved.reached_ns // KNOT_NS * KNOT_NS)
+            self._company.meet({ALONE: self.robot}, saved.reached_ns // KNOT_NS * KNOT_NS)
 
 
 class GivenMotion(GrowingMotion):
@@ -495,7 +511,4 @@ def motion_of(
     """
     if given is None and experiment.frames is None and route is not None:
         return LiveMotion(world, experiment, route, endless=endless, company=company)
-    track = track_in(world, experiment, given)
-    if company is not None:
-        company.follow(track.swept, int(track.motion.stamps_ns[-1]))
-    return GivenMotion(track)
+    return GivenMotion(track_in(world, experiment, given, company=company))

@@ -235,6 +235,8 @@ class Simulation:
         self._motion: GrowingMotion | None = None
         self._due: list[DueReadings] = []
         self._sensors: dict[str, Sensor] = {}
+        self._wider: tuple[Lean, SensorWorld] | None = None
+        """What sensors see since a robot left its route."""
         self._unread: list[tuple[int, ref[Movement]]] = []
         """Time [ns] from which on readings need the motion of others, and the movement that they have until then."""
         self._failed = ""
@@ -319,13 +321,9 @@ class Simulation:
             DriveError: the robot cannot drive this route.
         """
         made, world, company = self._experiment, self.world, self.company
+        track = track_in(world, made, self._given.track, advance, company)
         if company is None:
-            return Driven(made, world, track_in(world, made, self._given.track, advance), scene=self._own_scene)
-        if self._given.track is None:
-            track = company.drive(advance)[ALONE]
-        else:
-            track = track_in(world, made, self._given.track, advance)
-            company.follow(track.swept, int(track.motion.stamps_ns[-1]))
+            return Driven(made, world, track, scene=self._own_scene)
         return Driven(made, world, track, moving=company.bodies(ALONE), actors=company.actors, leans=company.leans)
 
     def _built(self) -> SensorWorld:
@@ -383,6 +381,8 @@ class Simulation:
             self._route = plan_route(world, made)
         route = self._route if start is None else self._route_from(start)
         self._motion = motion_of(world, made, self._given.track, route, endless=self.endless, company=self.company)
+        if start is not None and self.company is not None:
+            self.company.set_free(0)
         stands = self._motion.stands
         self._due = [
             DueReadings(config, made.rig, made.noise_seed, stands)
@@ -482,7 +482,8 @@ class Simulation:
             if due.config.sees:
                 for output, at in due.seen(movement, motion.reached_ns, motion.end_ns):
                     if output.name in wanted:
-                        seen.append(DueReading(self._sensor(sensor_world, due.config, output.name), output, at))
+                        sensor = self._sensor(self._world_at(sensor_world, at.stamp_ns), due.config, output.name)
+                        seen.append(DueReading(sensor, output, at))
             elif motion.ended or motion.reached_ns > STEP_NS:  # the reading at the first step of all needs the second
                 sensor = self._sensor(sensor_world, due.config, due.config.name)
                 assert isinstance(sensor, MotionSensor)
@@ -525,9 +526,20 @@ class Simulation:
 
     def _sensor(self, sensor_world: SensorWorld, config: SensorConfig, name: str) -> Sensor:
         """Return the sensor of an output, so that several of one sensor can be read at once."""
-        if name not in self._sensors:
-            self._sensors[name] = sensor_class(config)(config, sensor_world)
-        return self._sensors[name]
+        known = self._sensors.get(name)
+        if known is None or known.sensor_world is not sensor_world:
+            self._sensors[name] = known = sensor_class(config)(config, sensor_world)
+        return known
+
+    def _world_at(self, sensor_world: SensorWorld, stamp_ns: int) -> SensorWorld:
+        """Return what sensors see at a stamp [ns]: more plants lean where a robot has left its route."""
+        pressed = None if self.company is None else next(iter(self.company.leans), None)
+        if pressed is None or (lean := pressed.until(stamp_ns)) is pressed:
+            return sensor_world
+        assert sensor_world.leaning is not None
+        if self._wider is None or lean is not self._wider[0]:
+            self._wider = lean, sensor_world.leant(sensor_world.leaning.with_cause(pressed, lean))
+        return self._wider[1]
 
     def _checked(self, seconds: float, command: tuple[float, float] | None) -> tuple[int, Command | None]:
         """Return the steps of the physics in a time, and a command that the robot can take."""

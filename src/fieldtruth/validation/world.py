@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.bodies import leans_in, with_bodies
+from fieldtruth.bag.bodies import moving_in
 from fieldtruth.bag.file import EXPERIMENT
 from fieldtruth.bag.geometry import ModelStatesReader
 from fieldtruth.bag.messages import ModelStatesWriter
@@ -26,7 +26,6 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
@@ -79,9 +78,7 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
         return None, f"made by fieldtruth {version}, and {fieldtruth.__version__} may build another world"
     try:
         with progress.stage("build the world"):
-            world, moving = with_bodies(world_of(experiment), run, experiment)
-            leans = leans_in(world, run, experiment)
-            leaning = leaning_of(experiment.wind, world, experiment.seed, *leans)
+            world, moving, leaning = moving_in(world_of(experiment), run, experiment)
             scene = Scene(world, moving, leaning)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
