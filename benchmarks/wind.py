@@ -72,13 +72,13 @@ def main() -> None:
             for number in range(options.repeats + 1):
                 stamp = (number + 10) * PERIOD_NS
                 for own, read in zip(times, reads, strict=False):
-                    began = time.perf_counter()
+                    began = time.process_time()
                     read(stamp)
-                    own += [1e3 * (time.perf_counter() - began)] * (number > 0)
-                began = time.perf_counter()
+                    own += [1e3 * (time.process_time() - began)] * (number > 0)
+                began = time.process_time()
                 later = stamp + 1000 * PERIOD_NS
                 scenes[1].interval(later, later + (name == "spinning"), np.zeros(3), 0.0)
-                times[2] += [1e3 * (time.perf_counter() - began)] * (number > 0)
+                times[2] += [1e3 * (time.process_time() - began)] * (number > 0)
             still, windy, plants = map(statistics.median, times)
             print(
                 f"{environment:9} {len(leaning.rows):7}  {name:11} {still:8.1f} {windy:8.1f}  {windy / still:5.2f}"

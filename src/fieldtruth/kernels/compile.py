@@ -62,6 +62,19 @@ def inlined(function: F) -> F:
     return _compiled(function, inline="always", _nrt=False)
 
 
+def callback(function: Callable[[Any], None]) -> Callable[[], int]:
+    """Compile a function of one address, which C calls. Returns a function that gives its own address."""
+    dispatcher: Any = _compiled(function, inline="never", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=False)
+
+    @cache
+    def address() -> int:
+        dispatcher.compile((types.uint64,))
+        result = dispatcher.overloads[(types.uint64,)]
+        return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
+
+    return address
+
+
 def _compiled(function: F, **choices: object) -> F:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True} | choices
     dispatcher: Any = njit(**options)(function)

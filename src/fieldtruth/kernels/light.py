@@ -242,6 +242,7 @@ class Shading(NamedTuple):
     snow: SnowTable
     has_snow: bool
     robot: RobotTable
+    ripples: Float32Array  # (n, 4) of water: wave vector x, y [rad/m], slope, phase
 
 
 READ: Final = 15

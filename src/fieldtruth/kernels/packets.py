@@ -47,7 +47,8 @@ def embree_library() -> c.CDLL | None:
         return None
     c.CDLL(str(shipped["libtbb"].locate()), c.RTLD_GLOBAL)
     library = c.CDLL(str(shipped["libembree4"].locate()))
-    for name in (f"rtc{query}{lanes}" for query in ("Intersect", "Occluded") for lanes in (1, 8, 16)):
+    queries = [f"{query}{lanes}" for query in ("Intersect", "Occluded") for lanes in (1, 8, 16)]
+    for name in (*(f"rtc{query}" for query in queries), *(f"rtcForward{query}Ex" for query in queries)):
         llvm.add_symbol(name, c.cast(getattr(library, name), c.c_void_p).value)
     library.rtcNewDevice.restype, library.rtcNewDevice.argtypes = c.c_void_p, (c.c_char_p,)
     library.rtcGetDeviceProperty.restype = c.c_ssize_t
@@ -79,6 +80,7 @@ TILE_WIDTH: Final = 4
 TILE_HEIGHT: Final = LANES // TILE_WIDTH
 ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = (LANES * k for k in range(12))
 NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = (LANES * k for k in range(12, 21))
+RAY_WORDS: Final = 12 * LANES
 RAYHIT_WORDS: Final = 21 * LANES
 _TRACE = types.void(types.voidptr, types.uint64, types.voidptr, types.voidptr)
 intersect = types.ExternalFunction(f"rtcIntersect{LANES}", _TRACE)
@@ -90,18 +92,22 @@ _occluded: Any = occluded
 
 
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
-    """RTCIntersectArguments (or RTCOccludedArguments) followed by its context, as one block for kernels.
+    """RTCIntersectArguments (or RTCOccludedArguments), its context, and memory for a packet, as one block for kernels.
 
     ``coherent`` doubles the speed of neighbouring pixels' rays; those of a LiDAR are farther apart and faster without.
     The block contains its own address: keep it alive while it is used, and do not copy it.
     """
-    block = np.zeros(24, np.uint64)
-    words = block.view(np.uint32)
-    words[16:] = MISS  # RTCRayQueryContext: instID and instPrimID
+    words = aligned(32 + RAY_WORDS, np.int32).view(np.uint32)
+    block = words.view(np.uint64)
+    words[16:18] = MISS  # RTCRayQueryContext: instID and instPrimID
     words[0] = _COHERENT if coherent else 0
     words[1] = MISS  # feature mask: all
     block[1] = block[8:].ctypes.data
     return block
+
+
+SPARE: Final = 64
+"""Offset [byte] from the context of ``arguments_block`` to its memory, for the rays of a packet in another frame."""
 
 
 def aligned(words: int, dtype: type[np.float32] | type[np.int32] = np.float32) -> NDArray[Any]:

@@ -3,7 +3,7 @@
 """Shading: the light that each hit sends to the camera, from the sun, the sky, the ground, and through water.
 
 Labels end at the surface of water. For a photograph, two more rays per pixel of water start there: one reflected, one
-refracted to the bottom. Waves are a fixed sum of sines (the world is static), faded out where a pixel spans several.
+refracted to the bottom. Waves are a sum of sines, faded out where a pixel spans several; without wind they stand still.
 Snow covers the ground by its depth, and what faces up to the sky on everything else.
 """
 
@@ -113,20 +113,21 @@ def _waves() -> Float32Array:
     return np.stack(waves, axis=-1).astype(np.float32)
 
 
-_RIPPLES = _waves()
+RIPPLES: Final = _waves()
+"""Those without wind; in wind they are of ``sense.ripples``."""
 
 
 @inlined
-def _slope(x: float, y: float, footprint: float) -> tuple[float, float]:
+def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple[float, float]:
     """Slope of the water along x and y; waves shorter than two footprints [m] of a pixel fade."""
     sx, sy = np.float32(0.0), np.float32(0.0)
-    for n in range(_RIPPLES.shape[0]):
-        kx, ky = _RIPPLES[n, 0], _RIPPLES[n, 1]
+    for n in range(ripples.shape[0]):
+        kx, ky = ripples[n, 0], ripples[n, 1]
         wave_number = np.sqrt(kx * kx + ky * ky)
         fade = np.float32(1.6) - np.float32(0.5) * footprint * wave_number
         if fade <= 0.0:
             continue
-        steep = _RIPPLES[n, 2] * min(fade, np.float32(1.0)) * np.cos(kx * x + ky * y + _RIPPLES[n, 3]) / wave_number
+        steep = ripples[n, 2] * min(fade, np.float32(1.0)) * np.cos(kx * x + ky * y + ripples[n, 3]) / wave_number
         sx += steep * kx
         sy += steep * ky
     return sx, sy  # type: ignore[return-value]
@@ -134,12 +135,18 @@ def _slope(x: float, y: float, footprint: float) -> tuple[float, float]:
 
 @kernel
 def water_rays(
-    batch: RayBatch, gbuffer: Float32Array, count: int, pixel: float, reflected: bool, second: SecondaryBatch
+    hit: tuple[RayBatch, Float32Array],
+    ripples: Float32Array,
+    count: int,
+    pixel: float,
+    reflected: bool,
+    second: SecondaryBatch,
 ) -> int:
-    """Collect the reflected or refracted rays of all hits on water; returns their number.
+    """Collect the reflected or refracted rays of all hits on water, a batch with its G-buffer; returns their number.
 
     ``share`` is Schlick's (1994) approximation of Fresnel reflectance, exact at normal and at grazing incidence.
     """
+    batch, gbuffer = hit
     top, point, direction, distance, image = batch.top, batch.point, batch.direction, batch.distance, batch.image
     out, n, one = second.batch, 0, np.float32(1.0)
     for k in range(count):
@@ -149,7 +156,7 @@ def water_rays(
         if dz >= 0.0:
             continue
         footprint = np.float32(distance[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
-        sx, sy = _slope(point[0, k], point[1, k], footprint)
+        sx, sy = _slope(ripples, point[0, k], point[1, k], footprint)
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         nx, ny, nz = -sx * scale, -sy * scale, scale
         cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))
@@ -322,12 +329,12 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
 @inlined
 def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Add the bottom and what is reflected to the colour of water."""
-    second = buffers.secondary
-    found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, False, second)
+    second, hit = buffers.secondary, (buffers.batch, buffers.gbuffer)
+    found = water_rays(hit, shading.ripples, count, pixel, False, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     blend_bottom(second, found, buffers.colour)
-    found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, True, second)
+    found = water_rays(hit, shading.ripples, count, pixel, True, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)

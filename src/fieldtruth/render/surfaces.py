@@ -17,6 +17,7 @@ from fieldtruth.kernels.light import (
     SurfaceTable,
     WireTable,
 )
+from fieldtruth.kernels.shading import RIPPLES
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.world.model import Mesh, Terrain
 from fieldtruth.world.seasons.change import hidden_share
@@ -108,4 +109,5 @@ def shading_of(scene: Scene, light: LightTable, materials: MaterialTable, air: A
         snow=snow,
         has_snow=bool(snow.on_top > 0),
         robot=RobotTable(np.zeros((0, 7)), np.eye(4), np.zeros(4), np.zeros((0, 3))),
+        ripples=RIPPLES,
     )

@@ -12,7 +12,7 @@ and the loops of NumPy round otherwise.
 
 import ctypes as c
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Final, Self
 
 import numpy as np
@@ -20,12 +20,12 @@ from numpy.lib.introspect import opt_func_info
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.errors import EngineError
-from fieldtruth.kernels import packets
+from fieldtruth.kernels import packets, swaying
 from fieldtruth.kernels.compile import compiler_target
 from fieldtruth.kernels.packets import LANES, MISS, NO_BODIES, SOLID, SceneRays
 
 VERSION: Final = 40400
-_TRIANGLES, _GRIDS, _INSTANCE, _INSTANCE_ARRAY = 0, 2, 121, 122
+_TRIANGLES, _GRIDS, _USER, _INSTANCE, _INSTANCE_ARRAY = 0, 2, 120, 121, 122
 _INDEX, _VERTEX, _GRID, _TRANSFORM = 0, 1, 8, 23
 _FLOAT3, _UINT, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5001, 0x5003, 0xA001, 0x9234
 _RTC_GRID: Final = np.dtype([("start", "u4"), ("stride", "u4"), ("width", "u2"), ("height", "u2")])
@@ -49,6 +49,12 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcSetGeometryTransform": (None, (c.c_void_p, c.c_uint, c.c_int, c.c_void_p)),
     "rtcSetGeometryMask": (None, (c.c_void_p, c.c_uint)),
     "rtcCommitGeometry": (None, (c.c_void_p,)),
+    "rtcSetGeometryUserPrimitiveCount": (None, (c.c_void_p, c.c_uint)),
+    "rtcSetGeometryUserData": (None, (c.c_void_p, c.c_void_p)),
+    "rtcSetGeometryBoundsFunction": (None, (c.c_void_p, c.c_void_p, c.c_void_p)),
+    "rtcSetGeometryIntersectFunction": (None, (c.c_void_p, c.c_void_p)),
+    "rtcSetGeometryOccludedFunction": (None, (c.c_void_p, c.c_void_p)),
+    "rtcGetSceneBounds": (None, (c.c_void_p, c.c_void_p)),
     "rtcAttachGeometryByID": (None, (c.c_void_p, c.c_void_p, c.c_uint)),
 }
 
@@ -138,7 +144,7 @@ class RayScene:
         self.engine = engine
         self._next = first
         self._api = engine._api
-        self._kept: list[RayScene] = []  # instanced scenes must outlive their instances
+        self._kept: list[object] = []  # instanced scenes, and arrays, must outlive their instances
         self._pointer = self._api.rtcNewScene(engine.device)
         self._api.rtcSetSceneFlags(self._pointer, _ROBUST)
         self._api.rtcSetSceneBuildQuality(self._pointer, _HIGH_QUALITY)
@@ -205,6 +211,9 @@ class RayScene:
 
         Element k is ``scenes[which[k]]`` at poses (steps, n, 12), column by column, in time as for ``add_instance``.
         """
+        if len(columns) == 2 and native_packet() == LANES:
+            self._add_swaying(scenes, which, columns, number)
+            return
         geometry = self._api.rtcNewGeometry(self.engine.device, _INSTANCE_ARRAY)
         pointers = (c.c_void_p * len(scenes))(*(scene._pointer for scene in scenes))
         self._api.rtcSetGeometryInstancedScenes(geometry, pointers, len(scenes))
@@ -214,6 +223,30 @@ class RayScene:
             self._set_buffer(geometry, _TRANSFORM, _FLOAT3X4_COLUMN_MAJOR, poses, 48, step)
         self._kept += scenes
         self._attach(geometry, number)
+
+    def _add_swaying(
+        self, scenes: Sequence[Self], which: NDArray[np.uint32], columns: NDArray[np.float32], number: int
+    ) -> None:
+        """Attach committed scenes that move, see ``add_instances``, placed by ``kernels.swaying``."""
+        handles = np.array([scene._pointer for scene in scenes], np.uint64)[which]
+        boxes = np.empty((len(which), 8), np.float32)
+        swaying.swept_boxes(columns, which, np.array([scene._box for scene in scenes]), boxes)
+        words = np.array([each.ctypes.data for each in (columns[0], columns[1], handles, boxes)], np.uint64)
+        geometry, api = self._api.rtcNewGeometry(self.engine.device, _USER), self._api
+        api.rtcSetGeometryUserPrimitiveCount(geometry, len(which))
+        api.rtcSetGeometryUserData(geometry, words.ctypes.data)
+        api.rtcSetGeometryBoundsFunction(geometry, swaying.bound(), None)
+        api.rtcSetGeometryIntersectFunction(geometry, swaying.meet())
+        api.rtcSetGeometryOccludedFunction(geometry, swaying.block())
+        self._kept += [*scenes, columns, handles, boxes, words]
+        self._attach(geometry, number)
+
+    @cached_property
+    def _box(self) -> NDArray[np.float64]:
+        """Least and greatest coordinates (2, 3) [m] of what the scene holds."""
+        found = packets.aligned(8)
+        self._api.rtcGetSceneBounds(self._pointer, found.ctypes.data)
+        return found.reshape(2, 4)[:, :3].astype(np.float64)
 
     def commit(self) -> Self:
         """Build the hierarchy; afterwards the scene can be traced or instanced."""

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import pairwise
 from threading import Lock
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +30,18 @@ from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.kernels.leaning import place_geometries, pose_plants
 from fieldtruth.sense.embree import RayScene
+from fieldtruth.sense.ripples import Ripples
 from fieldtruth.world.model import LOOSE, Mesh, World
 from fieldtruth.world.stems import DEAD
 
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 LEAN_KNOT_NS: Final = 100_000_000
 """Time [ns] between two knots of plants."""
 BUNCH: Final = 0.25
 """Side [m] of the squares, in the frame of a clump, whose stems lean together."""
+_KEPT: Final = 8
+"""Scenes, and knots, that are kept: sensors that read at the same time share them."""
 _SUNK: Final = 1e-3
 """Depth [m] from which on a plant is crushed, and moved by nothing else."""
 WHOLE: Final = -1
@@ -95,8 +100,10 @@ class Leaning:
     nothing at the lean ``holds``, or where the plant is crushed: wind does not turn what lies below a hull.
     """
 
-    def __init__(self, plants: Plants, causes: Sequence[Lean]) -> None:
-        self.plants, self.causes = plants, tuple(causes)
+    def __init__(self, plants: Plants, causes: Sequence[Lean], ripples: Ripples | None = None) -> None:
+        """``ripples`` are those of the same wind."""
+        self.plants, self.causes, self.ripples = plants, tuple(causes), ripples
+        self._known, self._lock = dict[tuple[int, ...], Array](), Lock()
 
     def with_cause(self, old: Lean, new: Lean) -> "Leaning":
         """Return the same plants with another cause in place of one."""
@@ -108,7 +115,23 @@ class Leaning:
         return np.unique(np.concatenate([np.zeros(0, np.intp), *(cause.rows for cause in self.causes)])).astype(np.intp)
 
     def vectors(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
-        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
+        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns].
+
+        Those of all ``rows`` are kept for a while: an interval begins at the knot at which the one before has ended.
+        """
+        if rows is not self.rows:
+            return self._summed(rows, knots_ns)
+        found, version = list[Array](), self.version
+        for knot in knots_ns.tolist():
+            if (known := self._known.get((*version, knot))) is None:
+                known = self._summed(rows, np.array([knot]))[0]
+                with self._lock:
+                    _keep(self._known, (*version, knot), known)
+            found.append(known)
+        return np.array(found)
+
+    def _summed(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
+        """Add the vectors of all causes, see ``vectors``."""
         total = np.zeros((len(knots_ns), len(rows), 3))
         for cause in sorted(self.causes, key=_holds):  # those that hold come last
             own = np.isin(rows, cause.rows)
@@ -137,12 +160,19 @@ class Leaning:
     def at(self, rows: Index, stamps_ns: NDArray[np.int64]) -> Array:
         """Matrices (k, n, 3, 4) world_from_object of plants (n,) at stamps (k,) [ns], which need not be knots."""
         low, rest = np.divmod(np.asarray(stamps_ns, np.int64), LEAN_KNOT_NS)
+        if not rest.any():
+            return self.poses(rows, low * LEAN_KNOT_NS)
         knots, row = np.unique(np.concatenate([low, low + (rest > 0)]), return_inverse=True)
         poses, (begin, end) = self.poses(rows, knots * LEAN_KNOT_NS), np.split(row, 2)
-        if not rest.any():
-            return poses[begin]
         share = (rest / LEAN_KNOT_NS)[:, None, None, None]
         return np.asarray(poses[begin] + share * (poses[end] - poses[begin]))
+
+
+def _keep(kept: dict[Key, Value], key: Key, value: Value) -> None:
+    """Put a value into a dictionary of at most _KEPT, and forget the oldest ones."""
+    while len(kept) >= _KEPT:
+        del kept[next(iter(kept))]
+    kept[key] = value
 
 
 def _holds(cause: Lean) -> float:
@@ -156,10 +186,6 @@ class LeantScene(NamedTuple):
     rays: RayScene
     axes: Float32Array
     """(k, geometries, 3, 3) Turn of each in its own frame, see ``packets.SceneRays``."""
-
-
-_KEPT: Final = 8
-"""Scenes that are kept: sensors that read at the same time share one."""
 
 
 class TracedPlants:
@@ -199,9 +225,7 @@ class TracedPlants:
         rays.add_instances(self._scenes, self._which, columns, number=self._first)
         made = LeantScene(rays.commit(), axes)
         with self._lock:
-            while len(self._made) >= _KEPT:
-                del self._made[next(iter(self._made))]
-            self._made[key] = made
+            _keep(self._made, key, made)
         return made
 
     def moved(self, geometry: Index, stamps_ns: tuple[int, int]) -> Array:

@@ -91,6 +91,7 @@ class Scene:
         self.rays, geometry_top = self._standing(len(bodies))
         self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
         self.still, self.moving, self.plants = self, list[Traced](), _NO_PLANTS
+        self.ripples = None if leaning is None else leaning.ripples
         leaning = leaning if leaning is not None and len(leaning.rows) else None
         if bodies or leaning:
             self.still = copy(self)

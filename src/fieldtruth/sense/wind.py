@@ -25,6 +25,7 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.leaning import add_waves
 from fieldtruth.sense.leaning import Lean, Leaning, Plants, plants_of
+from fieldtruth.sense.ripples import Ripples
 from fieldtruth.world.model import Mesh, World
 
 WAVES: Final = 96
@@ -164,7 +165,8 @@ def leaning_of(config: WindConfig | None, world: World, seed: int, *further: Lea
         return None
     plants = plants_of(world)
     wind = [WindLean(world, plants, Wind(config, seed))] if config is not None else []
-    return Leaning(plants, [*wind, *further])
+    ripples = Ripples.drawn(config, seed) if config is not None and config.speed_m_s else None
+    return Leaning(plants, [*wind, *further], ripples)
 
 
 class WindLean:

@@ -81,21 +81,23 @@ class IdealCamera(LabelCamera):
         """
         images = self._own_images()
         labels, interval = self._buffers(images), self._interval(world_from_optical, stamp_ns, stamp_ns)
-        render_linear(self._lit(interval, robot), self._framebuffer, self._view(world_from_optical), labels)
+        render_linear(self._lit(interval, stamp_ns, robot), self._framebuffer, self._view(world_from_optical), labels)
         if robot is not None:
             self._paint(robot, world_from_optical, interval, labels)
         tonemap(self._framebuffer.linear, images.photo)
         return self._decoded(images)
 
-    def _lit(self, interval: Interval, robot: RobotView | None = None) -> Shading:
-        """Return the light, with what moves, and the shadow of the robot."""
-        shading = self._shading._replace(scene=interval.rays)
+    def _lit(self, interval: Interval, stamp_ns: int, robot: RobotView | None = None) -> Shading:
+        """Return the light, with what moves, ripples at a stamp, and the shadow of the robot."""
+        shading, ripples = self._shading._replace(scene=interval.rays), self.scene.ripples
+        if ripples is not None:
+            shading = shading._replace(ripples=ripples.at(stamp_ns))
         return shading if robot is None else with_shadow(shading, robot)
 
     def _paint(self, robot: RobotView, world_from_optical: Array, interval: Interval, labels: LabelBuffers) -> None:
         """Put the robot before the world, in the light and in the labels."""
         world_from_base = world_from_optical @ robot.optical_from_base
-        paint_robot(self._lit(interval), robot, world_from_base, labels.depth, self._framebuffer.linear)
+        paint_robot(self._lit(interval, 0), robot, world_from_base, labels.depth, self._framebuffer.linear)
         hide_world(robot, labels)
 
     def _own_images(self) -> CameraImages:
@@ -490,7 +492,8 @@ class Camera(IdealCamera):
         batch.image[:, :count] = self._meter_points
         pixel = self.config.width / METERING[0] / lens.fx
         interval = self._interval(world_from_optical, stamp_ns, stamp_ns)
-        render_points(self._lit(interval), self._framebuffer.shading, self._view(world_from_optical), count, pixel)
+        shading, view = self._lit(interval, stamp_ns), self._view(world_from_optical)
+        render_points(shading, self._framebuffer.shading, view, count, pixel)
         seen = np.asarray(self._framebuffer.shading.colour[:count] * self._meter_share, np.float32)
         add_glare(seen, self._signal.glare)
         return seen.astype(np.float64)
@@ -514,7 +517,7 @@ class Camera(IdealCamera):
         begin, end = stamps_at(np.array([-0.5, 0.5]) * (time_s + read_s)).tolist()
         interval = self._interval(pose, begin, end)
         images, view = self._own_images(), self._view(pose, float(interval.share(stamp_ns)))
-        labels, shading = self._buffers(images), self._lit(interval, robot)
+        labels, shading = self._buffers(images), self._lit(interval, stamp_ns, robot)
         blurred, skewed = (self._motion(view, optical_at, stamps_at, seconds) for seconds in (time_s, read_s))
         count = int(np.clip(np.ceil(blurred), 1, self._signal.blur_samples))
         if count == 1 and skewed < _STILL:

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ripples in wind: slopes of Cox and Munk, waves that travel by the dispersion of water, and photographs of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from sense_worlds import at, make_world, quad
+
+from fieldtruth.experiment.imaging_config import OPTICAL
+from fieldtruth.experiment.wind_config import WindConfig
+from fieldtruth.kernels.camera_rays import new_batch
+from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
+from fieldtruth.kernels.shading import new_secondary_batch, water_rays
+from fieldtruth.render.bake import bake
+from fieldtruth.sense.ripples import Ripples
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.wind import leaning_of
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.sensing import IdealCamera
+
+F8 = NDArray[np.float64]
+STAMP = 3_123_456_789
+
+
+def slopes(ripples: NDArray[np.float32], xy: F8) -> F8:
+    """Slopes (n, 2) of the water at positions (n, 2) [m], of the rays that photographs reflect from above."""
+    count = len(xy)
+    batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
+    batch.direction[2], batch.point[:2, :count], batch.top[:], batch.distance[:] = -1.0, xy.T, 1, 1.0
+    gbuffer[:, MIRROR] = 0.02
+    assert water_rays((batch, gbuffer), ripples, count, 1e-9, True, second) == count
+    normal = second.batch.direction[:, :count].T + np.array([0.0, 0.0, 1.0])
+    return np.asarray(-normal[:, :2] / normal[:, 2:], np.float64)
+
+
+@pytest.mark.parametrize("speed", [2.0, 8.0, 15.0])
+def test_mean_square_slopes_are_those_of_cox_and_munk(speed: float) -> None:
+    config = WindConfig(speed_m_s=speed, direction_deg=300.0)
+    found = slopes(Ripples.drawn(config, 1).at(STAMP), np.random.default_rng(2).uniform(-40, 40, (20_000, 2)))
+    along = np.array(config.heading)
+    across = np.array([-along[1], along[0]])
+    assert ((found @ along) ** 2).mean() == pytest.approx(3.16e-3 * speed, rel=0.04)
+    assert ((found @ across) ** 2).mean() == pytest.approx(3e-3 + 1.92e-3 * speed, rel=0.04)
+    assert ((found**2).sum(axis=1)).mean() == pytest.approx(3e-3 + 5.12e-3 * speed, rel=0.04)
+
+
+def test_each_wave_travels_down_the_wind_at_the_speed_of_its_length() -> None:
+    """In a wind from the west, all to the east, -y; the slowest are those of 17 mm, at 0.23 m/s (Lamb, section 267)."""
+    ripples, later = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=270.0), 1), 40_000_000
+    length = 2.0 * np.pi / np.linalg.norm(ripples.k, axis=1)
+    assert 0.017 < length.min() < 0.019
+    assert 0.3 < length.max() < 0.5
+    assert (ripples.k[:, 1] < 0.0).all()
+    assert abs(ripples.k.sum(axis=0)[0]) < 0.2 * -ripples.k.sum(axis=0)[1]
+    speed = np.sqrt(9.81 * length / (2.0 * np.pi) + 7.28e-5 * 2.0 * np.pi / length)
+    assert 0.231 < speed.min() < 0.233
+    xy, opposite = np.random.default_rng(3).uniform(-0.5, 0.5, (200, 2)), list[float]()
+    for n in range(len(length)):
+        wave = Ripples(*(part[n : n + 1] for part in ripples))
+        step = speed[n] * later / 1e9 * wave.k[0] / np.linalg.norm(wave.k[0])
+        now, then = slopes(wave.at(STAMP), xy), slopes(wave.at(STAMP + later), xy + step)
+        np.testing.assert_allclose(then, now, atol=1e-4)
+        opposite.append(np.abs(slopes(wave.at(STAMP + later), xy - step) - now).max())
+    assert np.median(opposite) > 0.01
+
+
+def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_wind() -> None:
+    water = quad("lake", [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]], "water")
+    world = make_world([(water, at(0, 0, 0))], height=-2.0)
+    mirror = replace(world.materials["water"], mirror=0.02)
+    world = replace(world, materials={**world.materials, "water": mirror}, water_level=0.0)
+    config, pose = CameraConfig(width=96, height=64), at(-4, 0, 1.0) @ OPTICAL
+    photos = []
+    for wind in (WindConfig(speed_m_s=8.0), None):
+        baked = bake(Scene(world, leaning=leaning_of(wind, world, 1)))
+        photos.append([IdealCamera(config, baked).render(pose, stamp_ns=STAMP + k).photo for k in (0, 0, 50_000_000)])
+    for (first, again, later), differs in zip(photos, (True, False), strict=True):
+        np.testing.assert_array_equal(first, again)
+        assert (np.abs(first.astype(int) - later)[40:].mean() > 1.0) == differs
+    assert np.abs(photos[0][0].astype(int) - photos[1][0])[40:].mean() > 1.0
