@@ -360,8 +360,8 @@ def _sensor_world(addition: _Addition, world: World) -> SensorWorld:
     run, rig, _, config, _, scene, _ = addition
     made, options = run.experiment, dict[str, Any](scene=scene)
     if made is not None and made.moving:
-        world, moving, leaning = moving_in(world, run, made)
-        options = {"moving": moving, "leaning": leaning}
+        world, moving = moving_in(world, run, made)
+        options = moving._asdict()
     return SensorWorld(world, rig, config.light, config.weather, reuse=True, **options)
 
 

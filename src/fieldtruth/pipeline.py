@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
@@ -117,8 +117,8 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    moving, actors, leans = driven.moving, driven.actors, driven.leans
-    return PreparedHere(made, world, driven.track, scene=driven.scene, moving=moving, actors=actors, leans=leans)
+    moved: dict[str, Any] = {key: getattr(driven, key) for key in ("moving", "actors", "leans", "ruts")}
+    return PreparedHere(made, world, driven.track, scene=driven.scene, **moved)
 
 
 def generate(
@@ -215,6 +215,7 @@ def _prepare_fleet(fleet: Fleet, progress: Progress) -> dict[Simulation, Prepare
             robots=each.robots,
             actors=each.actors,
             leans=each.leans,
+            ruts=each.ruts,
         )
         for name, each in driven.items()
     }

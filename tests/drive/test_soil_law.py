@@ -12,6 +12,7 @@ from soil_slip import LOAD, TYRE, climbing_slip
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.kernels.ruts import CELLS, NO_RUTS, RutTable
 from fieldtruth.kernels.soil import (
     Wheels,
     compaction,
@@ -139,7 +140,9 @@ def test_soils_are_mixed_by_cover_trail_and_border() -> None:
 SOILS_HERE = soil_rows(("earth", "mud", "sand", "gravel", "rock"))
 
 
-def advance(velocity: tuple[float, float], tread: float, seconds: float, state: Array) -> Wheels:
+def advance(
+    velocity: tuple[float, float], tread: float, seconds: float, state: Array, ruts: RutTable = NO_RUTS
+) -> Wheels:
     """The wheels after ``seconds`` on earth at constant velocity of the axle and the tread."""
     wheels = Wheels(
         position=np.tile((-1.0, 0.5, 0.0), (4, 1)),
@@ -150,9 +153,10 @@ def advance(velocity: tuple[float, float], tread: float, seconds: float, state: 
         drag=np.empty(4),
         torque=np.empty(4),
         sinkage=np.empty(4),
+        ahead=np.tile((1.0, 0.0, 0.0), (4, 1)),
     )
     for _ in range(round(seconds / 0.001)):
-        step_soil(SOILS_HERE, GROUND, TYRE, wheels, state, 0.001)
+        step_soil(SOILS_HERE, GROUND, ruts, TYRE, wheels, state, 0.001)
     return wheels
 
 
@@ -178,6 +182,30 @@ def test_moving_wheel_follows_the_closed_forms(forward: float, lateral: float, t
     np.testing.assert_allclose(wheels.drag, -sign * compaction(LOAD, depth, TYRE, soil), rtol=1e-3)
     np.testing.assert_allclose(wheels.torque, -sign * soil[6] * LOAD * WheelConfig().radius, rtol=1e-3)
     assert 0.0 < mobilized(slip, LOAD, depth, TYRE, soil) < 1.0
+
+
+def rutted(before: float, behind: float) -> RutTable:
+    """Ruts of a depth [m] at x above that of the wheels, and of another behind it."""
+    depth = np.full((1, CELLS + 1, CELLS + 1), before, np.float32)
+    depth[:, : CELLS // 2] = behind
+    return RutTable(np.zeros((1, 1), np.int32), depth, -1.0 - 0.05 * CELLS / 2, 0.0, 1 / 0.05)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_in_a_rut_a_wheel_works_only_below_what_is_pressed(sign: float) -> None:
+    """What is pressed behind a wheel, which it did itself, does not count."""
+    soil = row("earth")
+    depth = sinkage(LOAD, TYRE, soil) * slip_factor(0.5)
+    rut = 0.7 * depth
+    found = advance((sign * 0.2, 0.0), sign * 0.4, 3.0, np.zeros((4, 3)), rutted(*(rut, 0.0)[:: int(sign)]))
+    least = compaction(LOAD, depth, TYRE, soil) * (1 - 0.7 ** (soil[2] + 1))
+    np.testing.assert_allclose(found.drag, -sign * least, rtol=2e-3)
+    np.testing.assert_allclose(found.sinkage, depth, rtol=1e-3)
+    own = advance((sign * 0.2, 0.0), sign * 0.4, 3.0, np.zeros((4, 3)), rutted(*(0.0, rut)[:: int(sign)]))
+    np.testing.assert_allclose(own.drag, -sign * compaction(LOAD, depth, TYRE, soil), rtol=2e-3)
+    deeper = advance((sign * 0.2, 0.0), sign * 0.4, 3.0, np.zeros((4, 3)), rutted(1.5 * depth, 1.5 * depth))
+    np.testing.assert_allclose(deeper.sinkage, 1.5 * depth, rtol=1e-3)
+    np.testing.assert_array_equal(deeper.drag, 0.0)
 
 
 def test_rut_stays_when_the_wheel_stops() -> None:

@@ -3,6 +3,7 @@
 """What moves in a run beside its own robot, as bodies for ray tracers, which are where the bag has them."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.soil import RutSoil
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, geodetic_route, metres_from_route
 from fieldtruth.sense.leaning import Leaning, plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
+from fieldtruth.sense.ruts import Ruts, Wheeled
 from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.model import World
 
@@ -44,14 +47,23 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
     return world, [*bodies, *(cast.bodies() if cast else [])]
 
 
-def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody], Leaning | None]:
-    """Return the world of a run with what moves in it, the bodies, and the plants that lean.
+class Moving(NamedTuple):
+    """What moves in a run: bodies, plants that lean, and ruts."""
+
+    moving: list[MovingBody]
+    leaning: Leaning | None
+    ruts: Ruts | None
+
+
+def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World, Moving]:
+    """Return the world of a run with what moves in it.
 
     Raises:
         BagError: the bag is damaged, or lacks them.
     """
     world, bodies = with_bodies(world, run, experiment)
-    return world, bodies, leaning_of(experiment.wind, world, experiment.seed, *leans_in(world, run, experiment))
+    leaning = leaning_of(experiment.wind, world, experiment.seed, *leans_in(world, run, experiment))
+    return world, Moving(bodies, leaning, ruts_in(world, run, experiment))
 
 
 def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[PressedPlants]:
@@ -64,13 +76,37 @@ def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[Pressed
     """
     if not experiment.plants.yielding:
         return []
-    rigs = {name: experiment.of_robot(name).rig for name in experiment.robots} or {table.ROBOT: experiment.rig}
-    poses = {name: KnotPoses() for name in rigs}
+    robots = _robots_in(world, run, experiment)
+    hulls = {name: (made.rig, poses) for name, (made, poses, _) in robots.items()}
+    return [PressedPlants(world, plants_of(world), hulls, [way for _, _, way in robots.values()])]
+
+
+def ruts_in(world: World, run: BagFile, experiment: Experiment) -> Ruts | None:
+    """Return the ruts that the robots of a run leave, by their poses in the bag; None if they leave none.
+
+    Raises:
+        BagError: the bag is damaged, or lacks them.
+    """
+    return ruts_of(world, _robots_in(world, run, experiment)) if experiment.ground.ruts else None
+
+
+def ruts_of(world: World, robots: Mapping[str, tuple[Experiment, KnotPoses, Array]]) -> Ruts:
+    """Return the ruts of robots, each with its experiment, its poses at the knots of bodies, and its way (m, 2) [m]."""
+    return Ruts(
+        world,
+        [
+            Wheeled(made.rig, poses, way, RutSoil(world, made.rig.robot, made.soil))
+            for made, poses, way in robots.values()
+        ],
+    )
+
+
+def _robots_in(world: World, run: BagFile, experiment: Experiment) -> dict[str, tuple[Experiment, KnotPoses, Array]]:
+    """Return experiment, poses and way (m, 2) [m] of each robot of a run, by its name in the bag."""
+    made = {name: experiment.of_robot(name) for name in experiment.robots} or {table.ROBOT: experiment}
+    poses = {name: KnotPoses() for name in made}
     _read(run, poses, [])
-    names = experiment.robots or [None]
-    ways = [_way(world, experiment if name is None else experiment.of_robot(name)) for name in names]
-    hulls = {name: (rig, poses[name]) for name, rig in rigs.items()}
-    return [PressedPlants(world, plants_of(world), hulls, ways)]
+    return {name: (own, poses[name], _way(world, own)) for name, own in made.items()}
 
 
 def _way(world: World, experiment: Experiment) -> Array:

@@ -145,7 +145,7 @@ class Order(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """Motion of a run: the robot's, and where it has actors or plants that yield, what these need."""
+    """Motion of a run: the robot's, and where it has actors, plants that yield or ruts, what these need."""
 
     track: Track
     known: Known | None
@@ -209,8 +209,8 @@ def _prepared(text: str, moved: Moved) -> PreparedHere:
     if company is None or moved.known is None:
         return PreparedHere(experiment, world, moved.track)
     company.know(moved.known)
-    moving, actors, leans = company.bodies(ALONE), company.actors, company.leans
-    return PreparedHere(experiment, world, moved.track, moving=moving, actors=actors, leans=leans)
+    options: dict[str, Any] = {"actors": company.actors, "leans": company.leans, "ruts": company.ruts}
+    return PreparedHere(experiment, world, moved.track, moving=company.bodies(ALONE), **options)
 
 
 def _open(order: Order, moved: Moved) -> Slices:

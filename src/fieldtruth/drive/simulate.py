@@ -44,6 +44,7 @@ from fieldtruth.drive.track import (
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig, geodetic_route
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.kernels.ruts import RutTable
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -334,7 +335,7 @@ class SimulatedRobot:
         others: Mapping[str, Other] | None = None,
         stems: StemContact | None = None,
     ) -> None:
-        self.steps, self.stems = 0, stems
+        self.steps, self.stems, self._soil = 0, stems, soil
         self._step_ns, self._step_s = step_ns, step_ns / 1e9
         self._every = max(1, EVERY * STEP_NS // step_ns)
         self._following = Following(world, rig, soil, self._step_s, others)
@@ -438,6 +439,11 @@ class SimulatedRobot:
     def surroundings(self) -> Surroundings:
         """Physics of the part of the world around the robot."""
         return self._following.here
+
+    def roll_in(self, ruts: RutTable) -> None:
+        """Let the wheels meet ruts from now on."""
+        if isinstance(self._soil, SoilContact):
+            self._soil.ruts = ruts
 
     def meet(self, world_from_others: Mapping[str, Array], twists: Mapping[str, Array] | None = None) -> None:
         """Put the other robots where their base_link is, (4, 4) by name: obstacles that stand there from now on.

@@ -21,8 +21,9 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.yaml_io import package_data
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
-from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.kernels.soil import Grid, Ground, Tyre, Wheels, sinkage, step_soil
+from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
+from fieldtruth.kernels.ruts import NO_RUTS
+from fieldtruth.kernels.soil import Grid, Ground, Tyre, Wheels, mix_ruts, sinkage, step_soil
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]
@@ -58,7 +59,7 @@ def soil_rows(ground_types: tuple[str, ...]) -> Array:
 class SoilContact:
     """The soil of a world, without stones until a part is entered; call it before every step of the physics.
 
-    ``state`` (n, 3) is what it remembers of the wheels from one step to the next.
+    ``state`` (n, 3) is what it remembers of the wheels from one step to the next, ``ruts`` are what was pressed before.
 
     Args:
         world: supplies ground types and trails.
@@ -77,7 +78,7 @@ class SoilContact:
         self._ground: Ground = cover, trails, _grid(_NO_STONES), terrain.border_width
         self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
         self._step_s = step_s
-        self.state = np.zeros((len(wheels.names), 3))
+        self.state, self.ruts = np.zeros((len(wheels.names), 3)), NO_RUTS
 
     def enter(self, part: World) -> None:
         """Find the stones of the part of the world in which the wheels are from now on."""
@@ -86,7 +87,7 @@ class SoilContact:
 
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
-        step_soil(self._soils, self._ground, self._tyre, wheels, self.state, self._step_s)
+        step_soil(self._soils, self._ground, self.ruts, self._tyre, wheels, self.state, self._step_s)
 
 
 def sinkage_at(world: World, wheels: WheelConfig, load: float, x: Array, y: Array) -> Array:
@@ -96,6 +97,33 @@ def sinkage_at(world: World, wheels: WheelConfig, load: float, x: Array, y: Arra
     count, weights = len(terrain.ground_materials), terrain.cover.at(x, y).reshape(*np.shape(x), -1)
     mixed = weights @ depths[:count] / np.maximum(weights.sum(axis=-1), 1e-6)
     return np.asarray(np.where(terrain.other_ground.at(x, y) < 0, depths[count], mixed))
+
+
+class RutSoil:
+    """What a wheel of a robot leaves in the soil of a world, without stones: see ``sense.ruts.Soil``.
+
+    Args:
+        world: supplies ground types and trails.
+        robot: supplies the size of the tyres; each carries an equal share of the weight, without that on a caster.
+        replaced: soils, by name, that replace those of ground types of the world.
+
+    Raises:
+        ConfigurationError: as ``SoilContact``.
+    """
+
+    def __init__(self, world: World, robot: RobotConfig, replaced: Mapping[str, str]) -> None:
+        terrain, wheels = world.terrain, robot.wheels
+        tyre = wheels.width, 2 * wheels.radius, wheels.tyre_stiffness
+        load = robot.mass * GRAVITY * (1.0 - robot.caster_share) / len(wheels.names)
+        soils = soil_rows((*_soil_names(world, replaced), "rock"))
+        self._values = np.array([(sinkage(load, tyre, row), row[4]) for row in soils])
+        self._ground = _grid(terrain.cover), _grid(terrain.other_ground), _grid(_NO_STONES), terrain.border_width
+
+    def __call__(self, x: Array, y: Array) -> Array:
+        """Sinkage [m] at rest, and tangent of the friction angle (n, 2), at x, y (n,) [m]."""
+        found = np.empty((len(x), 2))
+        mix_ruts(self._ground, self._values, x, y, found)
+        return found
 
 
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:

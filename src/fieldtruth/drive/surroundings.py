@@ -122,6 +122,7 @@ class WheelContacts:
             drag=np.zeros(n),
             torque=data.qfrc_applied[-n:],
             sinkage=self._sinkage[:n],
+            ahead=self._patches.forward[:n],
         )
         # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
         self._kind = np.full(model.ngeom, OTHER)

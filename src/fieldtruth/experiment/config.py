@@ -136,6 +136,13 @@ class PlantsConfig(Frozen):
     without any effect, and bushes stop it."""
 
 
+class GroundConfig(Frozen):
+    """What wheels do to the ground: ``ground: {ruts: true}``. See docs/ruts.md."""
+
+    ruts: Boolean = False
+    """True: wheels leave ruts in soft soil, which sensors see and wheels meet again."""
+
+
 Through = Literal["none", "grass", "flexible"]
 """Plants that a route may lead through: none, high grass, or flexible bushes, too."""
 
@@ -228,6 +235,7 @@ class Experiment(Frozen):
     control: ControlConfig = ControlConfig()
     plan: PlanConfig = PlanConfig()
     plants: PlantsConfig = PlantsConfig()
+    ground: GroundConfig = GroundConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
     weather: WeatherConfig = WeatherConfig()
@@ -312,6 +320,12 @@ class Experiment(Frozen):
         return self
 
     @model_validator(mode="after")
+    def _ruts_allowed(self) -> Self:
+        if self.ground.ruts and (given := [key for key in ("drive", "frames") if getattr(self, key) is not None]):
+            raise LocatedError(f"true excludes {given[0]}: wheels leave ruts where a robot drives", ("ground", "ruts"))
+        return self
+
+    @model_validator(mode="after")
     def _one_motion(self) -> Self:
         if self.frames is not None:
             if self.drive is not None or self.seconds is not None:
@@ -350,8 +364,8 @@ class Experiment(Frozen):
 
     @property
     def is_living(self) -> bool:
-        """True if actors, or plants that yield, move with the robot."""
-        return bool(self.actors) or self.plants.yielding
+        """True if actors, plants that yield or ruts change with the robot, so that one process steps them all."""
+        return bool(self.actors) or self.plants.yielding or self.ground.ruts
 
     @property
     def moving(self) -> list[str]:
@@ -360,6 +374,7 @@ class Experiment(Frozen):
             "robots": self.robots,
             "actors": self.actors,
             "plants that yield": self.plants.yielding,
+            "ruts": self.ground.ruts,
             "wind": self.wind is not None and self.wind.speed_m_s > 0,
         }
         return [name for name, given in every.items() if given]

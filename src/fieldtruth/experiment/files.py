@@ -87,7 +87,7 @@ def dump_experiment(experiment: Experiment) -> str:
     values["rig"][MODELS] = experiment.rig.models()
     if not experiment.robots:
         del values["robots"], values["namespace"]
-    for key in ("actors", "plan", "plants", "wind"):
+    for key in ("actors", "ground", "plan", "plants", "wind"):
         if not values[key] or getattr(experiment, key) == Experiment.model_fields[key].default:
             del values[key]
     for name, own in experiment.robots.items():

@@ -49,7 +49,10 @@ class Silhouette(NamedTuple):
 def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody], Leaning | None]:
     """Return the world of a run, bodies that move in it and plants that lean; raises as ``world_of_run``."""
     world, made = world_of_run(run), run.experiment
-    return (world, [], None) if made is None else moving_in(world, run, made)
+    if made is None:
+        return world, [], None
+    world, found = moving_in(world, run, made)
+    return world, found.moving, found.leaning
 
 
 class WholeObjects:

@@ -39,6 +39,7 @@ from fieldtruth.kernels.light import (
 )
 from fieldtruth.kernels.packets import TERRAIN, Grid, HitTable, IntArray, mover_normal, read_grid
 from fieldtruth.kernels.robot import in_reach, sun_past_robot
+from fieldtruth.kernels.ruts import RutTable, rut_depth
 from fieldtruth.kernels.textures import (
     FURROWS,
     PATCHES,
@@ -213,6 +214,8 @@ def terrain_gbuffer(
     found = hits_on(batch.top, count, True, scratch.rows) if passes > 0 else 0
     if passes > 0:
         _terrain_normals(shading.materials.surface, batch, scratch, found, np.float32(pixel), out)
+        if shading.scene.ground != np.uint64(0):
+            _rut_normals(shading.scene.ruts, batch, scratch, found, np.float32(pixel), out)
     if passes > 1:
         _terrain_shares(shading, batch, scratch, found, out)
     if passes > 2:
@@ -234,6 +237,24 @@ def _terrain_normals(
         sx, sy = _slope(surface, points[0, k], points[1, k], max(half_cell, side))
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
+
+
+@kernel(inner=True)
+def _rut_normals(
+    ruts: RutTable, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32, out: Float32Array
+) -> None:
+    """Tilt normals by the slope of ruts over the footprint of a pixel."""
+    rows, points, distance, foreshortening = scratch.rows, batch.point, batch.distance, batch.foreshortening
+    half_cell, one, flattest = np.float32(0.5 / ruts.per_metre), np.float32(1.0), np.float32(0.05)
+    for m in range(found):
+        k = np.uintp(rows[m])
+        x, y, side = points[0, k], points[1, k], distance[k] * pixel / np.sqrt(max(foreshortening[k], flattest))
+        step = max(half_cell, side)
+        sx = (rut_depth(ruts, x + step, y) - rut_depth(ruts, x - step, y)) * (np.float32(0.5) / step)
+        sy = (rut_depth(ruts, x, y + step) - rut_depth(ruts, x, y - step)) * (np.float32(0.5) / step)
+        nx, ny = out[k, NX] + sx * out[k, NZ], out[k, NY] + sy * out[k, NZ]  # a depth that rises is ground that falls
+        scale = one / np.sqrt(nx * nx + ny * ny + out[k, NZ] * out[k, NZ])
+        out[k, NX], out[k, NY], out[k, NZ] = nx * scale, ny * scale, out[k, NZ] * scale
 
 
 @kernel(inner=True)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.kernels.compile import inlined
+from fieldtruth.kernels.ruts import NO_RUTS, RutTable
 
 MISS: Final = 0xFFFFFFFF
 SOLID: Final = 1
@@ -161,7 +162,7 @@ NO_BODIES: Final = np.zeros((1, 0, 3, 3), np.float32)
 
 
 class SceneRays(NamedTuple):
-    """Scenes that rays meet: what stands still, bodies that move in the interval of a reading, and plants that lean.
+    """Scenes that rays meet: what stands still, bodies that move, plants that lean, and ground with ruts.
 
     The time of a ray is its share of the interval. Instances of bodies have the first numbers of all geometries, those
     of plants the next ones: they are elements of one geometry, whose number is that of the first.
@@ -172,6 +173,8 @@ class SceneRays(NamedTuple):
     axes: Float32Array  # (knots, bodies, 3, 3) rotation times scale of world_from_body, evenly over the interval
     plants: np.uint64 = np.uint64(0)  # handle of the Embree scene of plants; 0: none
     plant_axes: Float32Array = NO_BODIES  # (knots, geometries, 3, 3) by which each has turned in its own frame
+    ground: np.uint64 = np.uint64(0)  # handle of the Embree scene of ground with ruts; 0: none
+    ruts: RutTable = NO_RUTS  # their depths at time 0
 
 
 @inlined
@@ -223,6 +226,8 @@ def trace_packet(scene: SceneRays, packet: Packet) -> None:
     """
     ray, words, valid, arguments = packet
     _intersect(valid.ctypes, scene.still, ray.ctypes, arguments.ctypes)
+    if scene.ground != np.uint64(0):
+        _intersect(valid.ctypes, scene.ground, ray.ctypes, arguments.ctypes)
     if scene.moving == np.uint64(0) and scene.plants == np.uint64(0):
         return
     if scene.plants != np.uint64(0):
@@ -244,6 +249,8 @@ def trace_packet(scene: SceneRays, packet: Packet) -> None:
 def block_packet(scene: SceneRays, packet: Packet) -> None:
     """Find which rays of a packet anything blocks: their TFAR becomes -inf."""
     _occluded(packet.valid.ctypes, scene.still, packet.ray.ctypes, packet.arguments.ctypes)
+    if scene.ground != np.uint64(0):
+        _occluded(packet.valid.ctypes, scene.ground, packet.ray.ctypes, packet.arguments.ctypes)
     if scene.plants != np.uint64(0):
         _occluded(packet.valid.ctypes, scene.plants, packet.ray.ctypes, packet.arguments.ctypes)
     if scene.moving != np.uint64(0):

@@ -10,6 +10,9 @@
 - Slip-sinkage: z (1 + i) / (1 - 0.5 i) at slip i (Lyasko, Journal of Terramechanics 47, 2010).
 - Resistance of compaction: b (k_c / b + k_phi) z^(n + 1) / (n + 1). With the formula above it is
   3 / ((3 - n) (n + 1)) W sqrt(z / D), which also holds in a rut that slip deepens: the load stays the same.
+- In a rut of the depth z_1, as ``sense.ruts`` knows it, soil yields again only below it (repetitive loading, Wong): the
+  wheel is lowered by z_1 at least, and the resistance of compaction is that from z_1 to z: it has 1 - (z_1 / z)^(n + 1)
+  of what it has on fresh soil.
 - Traction: (A c + W tan phi) (1 - (K / (i l)) (1 - exp(-i l / K))), Wong's integral of Janosi and Hanamoto's law over a
   patch of length l and area A = b l. The slip i may have any direction; the force is opposite to it.
 - Length of the patch: the wheel is lowered by its sinkage z and the tyre's deflection d; it touches soil ahead over
@@ -26,10 +29,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.ruts import RutTable, rut_depth
 
 
 class Wheels(NamedTuple):
-    """The n wheels before a step, in the order of their names; the last four are for a soil to set.
+    """The n wheels before a step, in the order of their names; friction, drag, torque, sinkage are for a soil to set.
 
     The arrays are views of the simulation, so they can be read and written in compiled code.
     """
@@ -50,6 +54,8 @@ class Wheels(NamedTuple):
     """Torque (n,) [N m] on the wheel, positive forwards: negative resistance for a wheel that rolls forwards."""
     sinkage: Array
     """Depth (n,) [m] by which the ground below a wheel is lowered; the tyre's damper misses 2 N at 1 cm/s."""
+    ahead: Array
+    """Unit vectors (n, 3) in the world, forwards along the ground."""
 
 
 OTHER: Final = -1
@@ -90,6 +96,7 @@ STANDING: Final = 0.05
 RUT: Final = 0.1  # [m] of travel in which sinkage follows slip and ground: the patch that presses the rut is as long
 SETTLING: Final = 0.1  # [s] in which a standing wheel sinks
 LOAD_SECONDS: Final = 0.02  # [s]: the soil feels the mean load of this time, not the ringing of the contact
+_BEFORE: Final = 0.02  # [m] beyond the soil that a wheel touches, at which it meets what was pressed before it came
 _SMALL: Final = 0.02  # [m/s] at which resistance changes its sign
 _MEAN_LOAD, _MEAN_SLIP, _DEPTH = range(3)  # columns of the state
 
@@ -113,6 +120,12 @@ def compaction(load: float, depth: float, tyre: Tyre, soil: Array) -> float:
     """Resistance [N] of soil that a wheel compacts to ``depth`` [m]."""
     n = soil[2]
     return float(3.0 / ((3.0 - n) * (n + 1.0)) * load * math.sqrt(depth / tyre[1]))
+
+
+@kernel
+def fresh(rut: float, depth: float, soil: Array) -> float:
+    """Share of the work of compaction to ``depth`` [m] that a rut has not saved."""
+    return 1.0 if rut <= 0.0 else float(max(1.0 - (rut / depth) ** (soil[2] + 1.0), 0.0))
 
 
 @kernel
@@ -170,7 +183,31 @@ def mix_soils(ground: Ground, x: float, y: float, weights: Array) -> None:
 
 
 @kernel(allocates=True)
-def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: Array, dt: float) -> None:
+def mix_ruts(ground: Ground, values: Array, x: Array, y: Array, out: Array) -> None:
+    """Write to ``out`` (n, k) the means of ``values`` (soils, k) by the shares of soils at x, y (n,) [m]."""
+    weights = np.empty(len(values))
+    for n in range(len(x)):
+        mix_soils(ground, x[n], y[n], weights)
+        for k in range(values.shape[1]):
+            out[n, k] = 0.0
+            for m in range(len(values)):
+                out[n, k] += weights[m] * values[m, k]
+
+
+@kernel
+def _rut_ahead(ruts: RutTable, wheels: Wheels, k: int, reach: float) -> float:
+    """Depth [m] of the rut that is at a distance [m] before a wheel, on the side to which it moves."""
+    if len(ruts.depth) == 0:
+        return 0.0
+    reach = reach if wheels.velocity[k, 0] >= 0.0 else -reach
+    x, y = wheels.position[k, 0] + reach * wheels.ahead[k, 0], wheels.position[k, 1] + reach * wheels.ahead[k, 1]
+    return float(rut_depth(ruts, x, y))
+
+
+@kernel(allocates=True)
+def step_soil(
+    soils: Array, ground: Ground, ruts: RutTable, tyre: Tyre, wheels: Wheels, state: Array, dt: float
+) -> None:
     """Advance ``state`` (n, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
     weights, count = np.empty(len(soils)), len(state)
     for k in range(count):
@@ -191,15 +228,17 @@ def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: A
         load = max(mean[_MEAN_LOAD], 1.0)
         even = max(mean[_MEAN_LOAD] - (twist if k == 0 or k == 3 else -twist), 1.0)
         friction, resistance, rolling, depth = 0.0, 0.0, 0.0, 0.0
+        rut = _rut_ahead(ruts, wheels, k, math.sqrt(tyre[1] * mean[_DEPTH]) + _BEFORE)
         for m in range(len(soils)):
             if weights[m] > 0.0:
                 soil, share = soils[m], weights[m]
                 z = sinkage(even, tyre, soil) * slip_factor(mean[_MEAN_SLIP])
                 held = 1.0 - moving * (1.0 - mobilized(slip, load, z, tyre, soil))
                 friction += share * held * strength(load, z, tyre, soil) / load
-                resistance += share * compaction(load, z, tyre, soil)
+                resistance += share * compaction(load, z, tyre, soil) * fresh(rut, z, soil)
                 rolling += share * soil[6] * load
                 depth += share * z
+        depth = max(depth, rut)
         sinking = max(depth - mean[_DEPTH], 0.0) * (1.0 - moving) * min(dt / SETTLING, 1.0)
         mean[_DEPTH] += (depth - mean[_DEPTH]) * travel + sinking
         wheels.friction[k, :] = friction

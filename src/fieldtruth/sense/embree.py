@@ -184,6 +184,24 @@ class RayScene:
         self._set_buffer(geometry, _GRID, _GRID_FORMAT, grids.ravel())
         return self._attach(geometry)
 
+    def add_grids(self, nodes: ArrayLike) -> int:
+        """Attach n separate grids as one geometry, of nodes (steps, n, a, b, 3) [m] with cells as in ``add_grid``.
+
+        Nodes move on straight lines between steps, evenly from time 0 to time 1. Returns its id.
+        """
+        points = np.ascontiguousarray(np.asarray(nodes)[:, :, ::-1], np.float32)
+        steps, count, height, width, _ = points.shape
+        grids = np.zeros(count, _RTC_GRID)
+        grids["start"], grids["stride"] = np.arange(count) * height * width, width
+        grids["width"], grids["height"] = width, height
+        geometry = self._api.rtcNewGeometry(self.engine.device, _GRIDS)
+        if steps > 1:
+            self._api.rtcSetGeometryTimeStepCount(geometry, steps)
+        for step, at in enumerate(points):
+            self._set_buffer(geometry, _VERTEX, _FLOAT3, at.reshape(-1, 3), slot=step)
+        self._set_buffer(geometry, _GRID, _GRID_FORMAT, grids)
+        return self._attach(geometry)
+
     def add_instance(
         self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID, number: int | None = None
     ) -> int:

@@ -100,7 +100,7 @@ class PressedPlants:
         self._soft: Index = np.flatnonzero([kinds[name] != "solid" for name in plants.mesh.tolist()])
         self._foot = plants.foot[self._soft]
         self._ways = [(way, REACH) for way in ways]
-        self.rows: Index = self._soft[_beyond(self._foot[:, :2], self._ways) < 0.0]
+        self.rows: Index = self._soft[beyond(self._foot[:, :2], self._ways) < 0.0]
         names, own = np.unique(plants.mesh[self._soft], return_inverse=True)
         meshes = [world.meshes[name] for name in names.tolist()]
         self._most = np.array([FLAT if mesh.tufts is not None else _BUSH for mesh in meshes])[own]
@@ -138,7 +138,7 @@ class PressedPlants:
 
     def wider(self, areas: Sequence["_Area"]) -> Index:
         """Return ``rows`` with those of plants in further areas."""
-        return self._soft[_beyond(self._foot[:, :2], [*self._ways, *areas]) < 0.0]
+        return self._soft[beyond(self._foot[:, :2], [*self._ways, *areas]) < 0.0]
 
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
         """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]."""
@@ -178,9 +178,9 @@ class PressedPlants:
             moved = np.linalg.inv(before) @ now
             if (knot - 1) * LEAN_KNOT_NS >= self.free_ns:
                 areas = [*self._ways, *(_area(position) for _, position in self._strayed)]
-                if _beyond(now[None, :2, 3], areas)[0] > -_EDGE:
+                if beyond(now[None, :2, 3], areas)[0] > -_EDGE:
                     self._strayed.append((knot, now[:2, 3]))
-                    self._yielding |= _beyond(self._foot[:, :2], [_area(now[:2, 3])]) < 0.0
+                    self._yielding |= beyond(self._foot[:, :2], [_area(now[:2, 3])]) < 0.0
             self._press(knot, hull, now @ moved @ moved, float(moved[0, 3]))
         self._known = knot
 
@@ -328,7 +328,7 @@ def _area(position: Array) -> _Area:
     return np.stack([position, position]), _AROUND
 
 
-def _beyond(points: Array, areas: Sequence[_Area]) -> Array:
+def beyond(points: Array, areas: Sequence[_Area]) -> Array:
     """Distances (n,) [m] of points (n, 2) from the nearest edge of an area; negative inside of one."""
     beyond = np.full(len(points), np.inf)
     for way, reach in areas:

@@ -24,8 +24,10 @@ from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.interval import Interval, Traced, interval_of
 from fieldtruth.sense.leaning import WHOLE, Leaning, TracedPlants, bunches_of
-from fieldtruth.sense.moving import Interval, MovingBody, Traced, check_bodies, interval_of
+from fieldtruth.sense.moving import MovingBody, check_bodies
+from fieldtruth.sense.ruts import Ruts, TracedRuts, ground_tiles
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
 BLOCK: Final = 1 << 16
@@ -34,6 +36,7 @@ _GAIN: Final = 0.85
 """Share of the area of the whole mesh's box below which the boxes of two parts are worth a second instance."""
 _NO_TINT: Final = (1.0, 1.0, 1.0)
 _NO_PLANTS: Final[TracedPlants | None] = None
+_NO_RUTS: Final[TracedRuts | None] = None
 
 
 class TopLevel(NamedTuple):
@@ -74,37 +77,48 @@ class Scene:
     that a geometry belongs to, and class and instance id of a hit.
 
     Bodies that move have rows in all tables, after those of what stands still, but no geometry in ``rays``; plants that
-    lean have their rows, but no geometry in ``rays`` either. Sensors ask ``interval`` for where both are. ``still`` is
-    the scene without these rows, in which no plant leans; ``cast`` and ``occluded`` see it alone.
+    lean, and ground with ruts, have their rows, but no geometry in ``rays`` either. Sensors ask ``interval`` for where
+    these are. ``still`` is the scene without bodies, lean and ruts; ``cast`` and ``occluded`` see it alone.
 
     Raises:
         ConfigurationError: the world is of another type, or a body has a mesh that it cannot have.
     """
 
-    def __init__(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> None:
+    def __init__(
+        self,
+        world: World,
+        bodies: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
+        ruts: Ruts | None = None,
+    ) -> None:
         given_world(world, None)
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
         self.top_levels = list(_top_levels(world))
         self._parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
+        self.ruts = _NO_RUTS
         self.rays, geometry_top = self._standing(len(bodies))
         self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
         self.still, self.moving, self.plants = self, list[Traced](), _NO_PLANTS
         self.ripples = None if leaning is None else leaning.ripples
         leaning = leaning if leaning is not None and len(leaning.rows) else None
-        if bodies or leaning:
+        ruts = ruts if world.terrain.visible else None
+        if bodies or leaning or ruts:
             self.still = copy(self)
             self.still.still = self.still
         if leaning:
-            geometry_top = self._lean(leaning, len(bodies))
-        if bodies or leaning:
+            geometry_top = self._lean(leaning, len(bodies), ruts)
+        elif ruts:
+            self.ruts = TracedRuts(ruts, self.engine, len(bodies))
+            self.rays, geometry_top = self._standing(len(bodies))
+        if bodies or leaning or ruts:
             self._add(bodies, geometry_top)
 
     @property
     def moves(self) -> bool:
         """Return whether anything moves, so that readings depend on their stamps."""
-        return bool(self.moving) or self.plants is not None
+        return bool(self.moving) or self.plants is not None or self.ruts is not None
 
     def _standing(
         self, first: int, leaning: Mapping[int, Sequence[RayScene]] | None = None
@@ -120,7 +134,11 @@ class Scene:
         for row, (mesh, pose, *_) in enumerate(self.top_levels):
             if mesh is None:
                 if self.world.terrain.visible:
-                    rays.add_grid(terrain_nodes(self.world.terrain.surface))
+                    nodes = terrain_nodes(self.world.terrain.surface)
+                    if self.ruts is None:
+                        rays.add_grid(nodes)
+                    else:
+                        rays.add_grids(ground_tiles(self.ruts.ruts, nodes)[None])
                     geometry_top.append(row)
                 continue
             for part in remaining.get(row, self._parts[mesh.name]):
@@ -128,8 +146,8 @@ class Scene:
                 geometry_top.append(row)
         return rays.commit(), geometry_top
 
-    def _lean(self, leaning: Leaning, bodies: int) -> list[int]:
-        """Take the plants that lean out of ``rays``, and return the top-level geometry of each number."""
+    def _lean(self, leaning: Leaning, bodies: int, ruts: Ruts | None) -> list[int]:
+        """Take plants that lean, and ruts, out of ``rays``; return the top-level geometry of each number."""
         bunches, made = dict[str, Index](), dict[tuple[str, int], list[RayScene]]()
 
         def parts(mesh: str, bunch: int) -> list[RayScene]:
@@ -150,6 +168,8 @@ class Scene:
         for row in np.flatnonzero(partly).tolist():
             remaining[int(table.top[row])] += parts(str(table.mesh[row]), int(table.bunch[row]))
         plants = table.top[self.plants.rows].tolist()
+        if ruts is not None:
+            self.ruts = TracedRuts(ruts, self.engine, bodies + len(plants))
         self.rays, geometry_top = self._standing(bodies + len(plants), remaining)
         return [*geometry_top[:bodies], *plants, *geometry_top[bodies + len(plants) :]]
 
@@ -166,14 +186,15 @@ class Scene:
         self.moving = [Traced(each, scenes[each.mesh.name], radius[each.mesh.name]) for each in bodies]
 
     def interval(self, begin_ns: int, end_ns: int, centre: Array, reach: float) -> Interval:
-        """Return bodies within a reach [m] of a position (3,), and plants, from one stamp [ns] to another.
+        """Return bodies within a reach [m] of a position (3,), plants and ruts, from one stamp [ns] to another.
 
         Raises:
             ConfigurationError: anything moves, and the interval is too long.
         """
         if not self.moves:
             return Interval(self.rays.alone, begin_ns, 0)
-        return interval_of(self.rays, self.moving, self.plants, (begin_ns, end_ns), (centre, reach))
+        span, near = (begin_ns, end_ns), (centre, reach)
+        return interval_of(self.rays, self.moving, self.plants, self.ruts, span, near)
 
     @property
     def materials(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.leaning import Leaning
 from fieldtruth.sense.moving import MovingBody
+from fieldtruth.sense.ruts import Ruts
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -63,6 +64,7 @@ class SensorWorld(_Shared):
         workers: threads that may work on one reading.
         moving: bodies that move, which LiDARs and cameras see; those of the scene, if it is given.
         leaning: plants that lean; those of the scene, if it is given.
+        ruts: in the ground; those of the scene, if it is given.
     """
 
     def __init__(
@@ -79,12 +81,13 @@ class SensorWorld(_Shared):
         workers: int = 1,
         moving: Sequence[MovingBody] = (),
         leaning: Leaning | None = None,
+        ruts: Ruts | None = None,
     ) -> None:
         super().__init__()
         self.seed = world.seed if seed is None else seed
         """Root of all randomness."""
         self.world, self.rig, self.reuse, self.workers, self.moving = world, rig, reuse, workers, moving
-        self.leaning = leaning
+        self.leaning, self.ruts = leaning, ruts
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
         if scene is not None:
             self.once("scene", lambda: scene)
@@ -104,6 +107,7 @@ class SensorWorld(_Shared):
             workers=self.workers,
             moving=self.moving,
             leaning=leaning,
+            ruts=self.ruts,
         )
 
     @property
@@ -114,7 +118,7 @@ class SensorWorld(_Shared):
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built at the first use."""
-        return self.once("scene", lambda: Scene(self.world, self.moving, self.leaning))
+        return self.once("scene", lambda: Scene(self.world, self.moving, self.leaning, self.ruts))
 
     @property
     def baked(self) -> BakedScene:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.actors.behaviour import RobotState
 from fieldtruth.actors.cast import ActorStates, Cast
+from fieldtruth.bag.bodies import ruts_of
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.core.progress import Advance
@@ -32,6 +33,7 @@ from fieldtruth.sense.leaning import LEAN_KNOT_NS, plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
+from fieldtruth.sense.ruts import Ruts
 from fieldtruth.world.model import World
 
 KNOT_STEPS: Final = KNOT_NS // STEP_NS
@@ -51,17 +53,19 @@ class Known(NamedTuple):
     """Poses (n, 4, 4) at the knots from time 0 on, by robot."""
     actors: Mapping[str, tuple[Array, Array]]
     """Poses (n, 4, 4) of the root and values (n, joints) at the knots, by actor."""
-    times_ns: list[tuple[int, int]]
-    """Stamps [ns] from which on users drive, and robots stand, of plants that yield."""
+    free_ns: list[int]
+    """Stamps [ns] from which on users drive, of plants that yield."""
+    ends_ns: list[int]
+    """Stamps [ns] from which on robots stand, of what they leave behind them."""
 
 
 class Company:
     """The robots of an experiment, and its actors, in its world.
 
-    An experiment with one robot, and with actors or plants that yield, has a company, too. Its robot has no name.
+    An experiment with one robot, and with actors, plants that yield or ruts, has a company, too. Its robot has no name.
 
     Args:
-        experiment: with robots, actors or plants that yield.
+        experiment: with robots, actors, plants that yield or ruts.
         make_world: returns the world, which knows neither robots nor actors; called when it is first needed.
     """
 
@@ -79,14 +83,30 @@ class Company:
     def _pressed(self) -> PressedPlants | None:
         if not self._experiment.plants.yielding:
             return None
-        ways = [metres_from_route(self._route(name), self.world.origin) for name in self.experiments]
         hulls = {name: (made.rig, self.poses[name]) for name, made in self.experiments.items()}
-        return PressedPlants(self.world, plants_of(self.world), hulls, ways)
+        return PressedPlants(self.world, plants_of(self.world), hulls, [self._way(name) for name in hulls])
 
     @property
     def leans(self) -> list[PressedPlants]:
         """Return how the robots press plants; nothing if these do not yield."""
         return [] if self._pressed is None else [self._pressed]
+
+    @cached_property
+    def ruts(self) -> Ruts | None:
+        """The ruts that the robots leave; None if they leave none."""
+        if not self._experiment.ground.ruts:
+            return None
+        robots = {name: (made, self.poses[name], self._way(name)) for name, made in self.experiments.items()}
+        return ruts_of(self.world, robots)
+
+    @property
+    def _left(self) -> list[PressedPlants | Ruts]:
+        """What robots leave behind them, which follows from all of their poses."""
+        return [*self.leans, *([self.ruts] if self.ruts is not None else [])]
+
+    def _way(self, name: str) -> Array:
+        """Corners (m, 2) [m] of the route of a robot."""
+        return metres_from_route(self._route(name), self.world.origin)
 
     def _route(self, name: str) -> RouteConfig:
         """Return the route of a robot, planned once."""
@@ -135,7 +155,7 @@ class Company:
         if self.cast is not None:
             planned = (self.experiments[name].model_copy(update={"route": route}) for name, route in routes.items())
             self._begin([expected_path(made, self.world)[:, :2] for made in planned])
-        for each in self.leans:
+        for each in self._left:
             each.restart()
 
     def _begin(self, ways: Sequence[Array]) -> None:
@@ -150,7 +170,7 @@ class Company:
     def forget(self, before_ns: int) -> None:
         """Forget the motion of all that no stamp from this one [ns] on needs."""
         before_ns -= LEAN_KNOT_NS  # an interval with plants begins at their knot
-        if not self.leans:  # they follow from all poses
+        if not self._left:
             for poses in self.poses.values():
                 poses.forget(before_ns)
         if self.cast is not None:
@@ -163,7 +183,7 @@ class Company:
 
     def end_actors(self, stamp_ns: int) -> None:
         """Let the actors stand from the knot [ns] on at which the last drive ends, as far as its bag knows them."""
-        for each in self.leans:
+        for each in self._left:
             each.end_ns = stamp_ns
         if self.cast is not None:
             self.cast.end(stamp_ns)
@@ -185,8 +205,8 @@ class Company:
     def save(self) -> Any:
         """Return what ``restore`` needs to go on from here."""
         poses = {name: each.save() for name, each in self.poses.items()}
-        times = [(each.free_ns, each.end_ns) for each in self.leans]
-        return None if self.cast is None else self.cast.save(), poses, times
+        free, ends = [each.free_ns for each in self.leans], [each.end_ns for each in self._left]
+        return None if self.cast is None else self.cast.save(), poses, (free, ends)
 
     def restore(self, saved: Any) -> None:
         """Go on from where ``save`` was called, in this company or another of the same experiment."""
@@ -195,7 +215,7 @@ class Company:
             self.cast.restore(cast)
         for name, each in self.poses.items():
             each.restore(poses[name])
-        self._press_again(times)
+        self._leave_again(*times)
 
     def known(self) -> Known:
         """Return what sensors need of a drive that has ended."""
@@ -204,7 +224,8 @@ class Company:
             self._routes,
             {name: each.known for name, each in self.poses.items()},
             {name: (each.roots.known, each.joints.known) for name, each in actors.items()},
-            [(each.free_ns, each.end_ns) for each in self.leans],
+            [each.free_ns for each in self.leans],
+            [each.end_ns for each in self._left],
         )
 
     def know(self, known: Known) -> None:
@@ -215,13 +236,15 @@ class Company:
         for name, motion in known.actors.items():
             assert self.cast is not None
             self.cast.actors[name].restart(*motion)
-        self._press_again(known.times_ns)
+        self._leave_again(known.free_ns, known.ends_ns)
 
-    def _press_again(self, times_ns: Iterable[tuple[int, int]]) -> None:
-        """Let plants lean by all poses, which may be of another drive than those found so far."""
-        for pressed, times in zip(self.leans, times_ns, strict=True):
-            pressed.restart()
-            pressed.free_ns, pressed.end_ns = times
+    def _leave_again(self, free_ns: Iterable[int], ends_ns: Iterable[int]) -> None:
+        """Let plants and ruts follow from all poses, which may be of another drive than those found so far."""
+        for left, end_ns in zip(self._left, ends_ns, strict=True):
+            left.restart()
+            left.end_ns = end_ns
+        for pressed, free in zip(self.leans, free_ns, strict=True):
+            pressed.free_ns = free
 
     def _states(self, stamp_ns: int) -> list[RobotState]:
         """Return where the robots are at a knot [ns], and how fast."""
@@ -245,6 +268,8 @@ class Company:
         """Put the others of each robot that drives where they are at a knot [ns]; all feel what any has pressed."""
         for name, robot in robots.items():
             self._put_others(name, robot, stamp_ns)
+            if self.ruts is not None:
+                robot.roll_in(self.ruts.at_knot(stamp_ns // LEAN_KNOT_NS))
         first, *others = [each.stems for each in robots.values()]
         if first is not None:
             first.share(filter(None, others))

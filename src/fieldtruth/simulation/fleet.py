@@ -139,6 +139,7 @@ class Fleet:
                 robots=motions,
                 actors=company.actors,
                 leans=company.leans,
+                ruts=company.ruts,
             )
             for name, track in tracks.items()
         }

@@ -28,6 +28,7 @@ from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
 from fieldtruth.sense.leaning import Lean
 from fieldtruth.sense.moving import MovingBody
+from fieldtruth.sense.ruts import Ruts
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
@@ -138,11 +139,13 @@ class Driven:
     """Motions of the actors."""
     leans: Sequence[Lean] = field(default=(), kw_only=True)
     """Why plants lean, beside wind."""
+    ruts: Ruts | None = field(default=None, kw_only=True)
+    """Those that wheels leave."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
         """World, light and weather in which the sensors read."""
-        made, options = self.experiment, {"reuse": self.reuse, "moving": self.moving}
+        made, options = self.experiment, {"reuse": self.reuse, "moving": self.moving, "ruts": self.ruts}
         return sensor_world_of(made, self.world, self.scene, leans=self.leans, **options)
 
     @cached_property
@@ -156,10 +159,10 @@ def sensor_world_of(
 ) -> SensorWorld:
     """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``.
 
-    A scene that is given is of the world without wind. ``leans`` are further causes by which plants lean.
+    A scene that is given is of the world without wind and ruts. ``leans`` are further causes by which plants lean.
     """
     made, leaning = experiment, leaning_of(experiment.wind, world, experiment.seed, *leans)
-    scene = scene if leaning is None else None
+    scene = scene if leaning is None and options.get("ruts") is None else None
     options |= {"scene": scene, "seed": made.noise_seed, "leaning": leaning}
     return SensorWorld(world, made.rig, made.light, made.weather, **options)
 
@@ -324,7 +327,8 @@ class Simulation:
         track = track_in(world, made, self._given.track, advance, company)
         if company is None:
             return Driven(made, world, track, scene=self._own_scene)
-        return Driven(made, world, track, moving=company.bodies(ALONE), actors=company.actors, leans=company.leans)
+        moved: dict[str, Any] = {"actors": company.actors, "leans": company.leans, "ruts": company.ruts}
+        return Driven(made, world, track, moving=company.bodies(ALONE), **moved)
 
     def _built(self) -> SensorWorld:
         """Return the world with its scene and light; it is built at the first use."""
@@ -341,10 +345,11 @@ class Simulation:
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
             company, scene = self.company, self._own_scene
             world, moving = self._world_alone() if company is None else company.world, list[MovingBody]()
-            leans: Sequence[Lean] = ()
+            options: dict[str, Any] = {"workers": cpu_count(), "moving": moving}
             if company is not None:
-                moving, scene, leans = company.bodies(made.namespace or ALONE), None, company.leans
-            self._sensor_world = sensor_world_of(made, world, scene, workers=cpu_count(), moving=moving, leans=leans)
+                moving, scene = company.bodies(made.namespace or ALONE), None
+                options |= {"moving": moving, "leans": company.leans, "ruts": company.ruts}
+            self._sensor_world = sensor_world_of(made, world, scene, **options)
         return self._sensor_world
 
     def _world_alone(self) -> World:

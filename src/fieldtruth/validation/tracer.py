@@ -18,11 +18,12 @@ from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, bunches_of, square
 from fieldtruth.sense.moving import MovingBody
+from fieldtruth.sense.ruts import Ruts
+from fieldtruth.validation.boxes import SKIN, blocks, meets, near_all
+from fieldtruth.validation.rutted import RuttedCells
 from fieldtruth.world.model import Heightfield, Mesh, World
 
-SKIN: Final = 0.001  # [m] by which boxes are larger
 _SIDE: Final = 16  # cells on the side of a square
-_PAIRS: Final = 200_000  # of rays and boxes at once
 _OFFSETS: Final = np.stack(np.meshgrid(np.arange(_SIDE), np.arange(_SIDE), indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -77,29 +78,6 @@ class Ground:
         nodes[..., :2] = (field.x0, field.y0) + field.spacing * ij
         nodes[..., 2] = field.heights[ij[..., 0], ij[..., 1]]
         return nodes
-
-
-def meets(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Mask:
-    """Return whether rays up to their limits meet boxes."""
-    near, far = np.zeros(()), limit
-    for axis in range(3):
-        along = ahead[..., axis]
-        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        first, second = (low[..., axis] - start[..., axis]) / along, (high[..., axis] - start[..., axis]) / along
-        near, far = np.maximum(near, np.minimum(first, second)), np.minimum(far, np.maximum(first, second))
-    return np.asarray(near <= far)
-
-
-def near_all(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Index:
-    """Rows of boxes (n, 3) that meet the one box around all rays (..., 3): in a large world few boxes are near."""
-    ends = np.stack([start, start + ahead * limit[..., None]]).reshape(-1, 3)
-    return np.flatnonzero(((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1))
-
-
-def blocks(count: int, each: int) -> list[slice]:
-    """Slices of ``count`` items that hold at most 200,000 pairs of ``each``."""
-    step = max(1, _PAIRS // max(1, each))
-    return [slice(first, min(first + step, count)) for first in range(0, count, step)]
 
 
 TERRAIN: Final = 0
@@ -182,12 +160,19 @@ class _Triangles(NamedTuple):
 
 
 class ReferenceTracer:
-    """The triangles of a world, of bodies that move, and of plants that lean. Threads may share it."""
+    """The triangles of a world, of bodies that move, of plants that lean, and of ruts. Threads may share it."""
 
-    def __init__(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> None:
+    def __init__(
+        self,
+        world: World,
+        bodies: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
+        ruts: Ruts | None = None,
+    ) -> None:
         self.world, self.side, self._bodies, self._leaning = world, max(world.size), bodies, leaning
         self._labels = labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
+        self._rutted = RuttedCells(ruts) if ruts is not None and world.terrain.visible else None
         meshes: dict[_Key, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
         poses: dict[_Key, list[tuple[Array, int]]] = {}
         rows: dict[_Key, list[int]] = {}
@@ -238,8 +223,7 @@ class ReferenceTracer:
         found = [Hits(index, nothing, none, index, none, nothing, nothing, flags, index)]
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
-            ground = self._ground.near(origins[rays], directions[rays], limit[rays]) if self._ground is not None else ()
-            for row, corners in ground:
+            for row, corners in self._near_ground(origins[rays], directions[rays], limit[rays], stamps[rays]):
                 ray = rays[row]
                 label, top = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), TERRAIN + 1)
                 triangles = _Triangles(corners, label, top, np.zeros(len(ray), np.uint8))
@@ -259,6 +243,14 @@ class ReferenceTracer:
         hits = hits._replace(instance=self._owners[hits.top])
         order = np.lexsort((hits.range_m, hits.ray))
         return Hits._make(part[order] for part in hits)
+
+    def _near_ground(self, start: Array, ahead: Array, limit: Array, stamps: Index) -> Iterator[tuple[Index, Array]]:
+        """Rows of rays, and corners of triangles of the ground, as ``Ground.near``; rays leave at stamps (n,) [ns]."""
+        for row, corners in self._ground.near(start, ahead, limit) if self._ground is not None else ():
+            own = slice(None) if self._rutted is None else ~self._rutted.replaces(corners)
+            yield row[own], corners[own]
+        if self._rutted is not None:
+            yield from self._rutted.near(start, ahead, limit, stamps)
 
     def _hits_on_body(
         self, number: int, origins: Array, directions: Array, limit: Array, stamps: Index

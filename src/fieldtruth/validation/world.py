@@ -78,11 +78,11 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
         return None, f"made by fieldtruth {version}, and {fieldtruth.__version__} may build another world"
     try:
         with progress.stage("build the world"):
-            world, moving, leaning = moving_in(world_of(experiment), run, experiment)
-            scene = Scene(world, moving, leaning)
+            world, moving = moving_in(world_of(experiment), run, experiment)
+            scene = Scene(world, *moving)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    options: dict[str, Any] = {"scene": scene, "seed": experiment.noise_seed, "moving": moving, "leaning": leaning}
+    options: dict[str, Any] = {"scene": scene, "seed": experiment.noise_seed, **moving._asdict()}
     return SensorWorld(world, run.rig, experiment.light, experiment.weather, **options), ""
 
 

@@ -23,8 +23,8 @@ from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch, trace
 from fieldtruth.kernels.light import SHADOW_RANGE
 from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
+from fieldtruth.sense.interval import Interval
 from fieldtruth.sense.lens import intrinsics_of, ray_table
-from fieldtruth.sense.moving import Interval
 from fieldtruth.sense.robot import RobotView, hide_world, meet
 from fieldtruth.sense.scene import Scene, by_top
 

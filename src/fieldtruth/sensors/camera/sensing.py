@@ -43,7 +43,7 @@ from fieldtruth.kernels.tone_curve import tonemap
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.robot import paint_robot, with_shadow
 from fieldtruth.sense.air import Drops, rain, snow
-from fieldtruth.sense.moving import Interval
+from fieldtruth.sense.interval import Interval
 from fieldtruth.sense.robot import RobotView, hide_world
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages

@@ -44,7 +44,7 @@ from fieldtruth.kernels.lidar import (
 from fieldtruth.kernels.lidar_noise import Reading, add_weather, measure
 from fieldtruth.kernels.packets import LANES, Grid, SceneRays, new_packet
 from fieldtruth.sense.air import LIGHT_SPEED, Beam, make_air
-from fieldtruth.sense.moving import Interval
+from fieldtruth.sense.interval import Interval
 from fieldtruth.sense.robot import REFLECTANCE, RobotScan
 from fieldtruth.sense.scene import Scene, by_top, grid_of
 from fieldtruth.sensors.lidar.config import LidarConfig, LidarSignal
