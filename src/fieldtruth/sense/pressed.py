@@ -330,13 +330,13 @@ def _area(position: Array) -> _Area:
 
 def beyond(points: Array, areas: Sequence[_Area]) -> Array:
     """Distances (n,) [m] of points (n, 2) from the nearest edge of an area; negative inside of one."""
-    beyond = np.full(len(points), np.inf)
+    outside = np.full(len(points), np.inf)
     for way, reach in areas:
         for start, end in pairwise(way):
             along = end - start
             share = ((points - start) @ along / max(float(along @ along), 1e-12)).clip(0.0, 1.0)
-            beyond = np.minimum(beyond, np.hypot(*(points - start - share[:, None] * along).T) - reach)
-    return beyond
+            outside = np.minimum(outside, np.hypot(*(points - start - share[:, None] * along).T) - reach)
+    return outside
 
 
 def _recovery(mesh: Mesh) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from fieldtruth.world.model import Heightfield, World
 
 FINEST: Final = 0.0125
 """Greatest side [m] of the cells, if those of the ground are at most CELLS times as large."""
-ASIDE: Final = 0.5
+ASIDE: Final = 1.75
 """Distance [m] from the planned tracks of wheels within which they leave ruts."""
 _NEVER: Final = 1 << 62
 _KNOTS: Final = LEAN_KNOT_NS // KNOT_NS
