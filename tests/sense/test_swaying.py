@@ -7,8 +7,8 @@ import ctypes as c
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sense_worlds import box
-from test_leaning import SPINNING, STAMP, driven, leaning, world  # noqa: F401 (a fixture)
+from sense_worlds import box, driven
+from test_leaning import SPINNING, STAMP, leaning, world  # noqa: F401 (a fixture)
 
 from fieldtruth.core import transforms
 from fieldtruth.kernels import packets
