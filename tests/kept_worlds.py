@@ -16,6 +16,7 @@ from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.leaning import Leaning
 from fieldtruth.sense.moving import MovingBody
+from fieldtruth.sense.ruts import Ruts
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.build import load_world
@@ -40,16 +41,26 @@ class Kept:
     def world_of(self, e: Experiment) -> World:
         return self.load_world(e.environment, e.seed, e.layout)
 
-    def scene(self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None) -> Scene:
-        if bodies or leaning:
-            return Scene(world, bodies, leaning)
+    def scene(
+        self,
+        world: World,
+        bodies: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
+        ruts: Ruts | None = None,
+    ) -> Scene:
+        if bodies or leaning or ruts:
+            return Scene(world, bodies, leaning, ruts)
         return self._once(("scene", id(world)), Scene, world)
 
     def tracer(
-        self, world: World, bodies: Sequence[MovingBody] = (), leaning: Leaning | None = None
+        self,
+        world: World,
+        bodies: Sequence[MovingBody] = (),
+        leaning: Leaning | None = None,
+        ruts: Ruts | None = None,
     ) -> ReferenceTracer:
-        if bodies or leaning:
-            return ReferenceTracer(world, bodies, leaning)
+        if bodies or leaning or ruts:
+            return ReferenceTracer(world, bodies, leaning, ruts)
         return self._once(("tracer", id(world)), ReferenceTracer, world)
 
     def faces_of(self, world: World) -> Faces:

@@ -65,6 +65,7 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
         "robots": True,
         "namespace": True,
         "actors": True,
+        "ground": True,
         "plan": True,
         "plants": True,
         "wind": True,

@@ -32,7 +32,7 @@ def tractions(slip: Array, turn_slip: Array) -> Array:
 
 
 def write_images(traction: Array, pixel: NDArray[np.uint16], place: NDArray[np.int32], image: Image, to: Path) -> bool:
-    """Write ``STAMP_depth.png`` and, with mu and nu (n, 2) of the pixels' places, ``_path``, ``_mu`` and ``_nu``.
+    """Write the depth as ``STAMP_depth.png`` and, with mu and nu (n, 2) of the pixels' places, path, mu and nu, too.
 
     Pixels (m, 2) of places without mu are not on the path. Off the path, mu and nu are the mean on it: the loader
     averages when it makes images smaller, and would mix zeros into the values at the path's edge.
