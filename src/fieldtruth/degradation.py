@@ -91,10 +91,7 @@ def degrade(
                     made.track,
                     run,
                     stored,
-                    scene=made.scene,
-                    moving=made.moving,
-                    actors=made.actors,
-                    leans=made.leans,
+                    **{key: getattr(made, key) for key in ("scene", "moving", "actors", "leans", "ruts")},
                 )
             with progress.stage("build the world"):
                 world, track = simulation.world, stored.track()

@@ -92,6 +92,14 @@ def test_a_flipped_cell_of_each_kind_is_found(written: dict[str, Path], tmp_path
     assert f"first {layer}, cell (31, 7)" in wrong.text.replace("np.int64(31)", "31").replace("np.int64(7)", "7")
 
 
+@pytest.mark.parametrize("layer", [KINDS[-1], "ground"])
+def test_a_layer_without_its_last_row_is_found(written: dict[str, Path], tmp_path: Path, layer: str) -> None:
+    with np.load(written["npz"]) as file:
+        found = dict(file)
+    np.savez(tmp_path / "a.npz", allow_pickle=False, **found | {layer: found[layer][:-1]})
+    assert result(tmp_path / "a.npz").passed is False
+
+
 def test_a_flipped_cell_of_a_geotiff_and_of_a_grid_map_is_found(
     world: World, written: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -204,9 +212,10 @@ def test_geotiffs_without_their_library_are_refused_in_one_line(
 def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.savez(tmp_path / "a.npz", ground=np.zeros((3, 3)))
     (tmp_path / "b.npz").write_bytes(b"no archive")
+    (tmp_path / "c.npz").write_bytes(b"")
     (tmp_path / "nav2").mkdir()
     (tmp_path / "nav2" / "map.yaml").write_text("image: map.pgm")
-    for name in ("a.npz", "b.npz", "nav2"):
+    for name in ("a.npz", "b.npz", "c.npz", "nav2"):
         assert cli.main(["validate", str(tmp_path / name)]) == 2
         text = capsys.readouterr().err.splitlines()[-1]
         assert "is no map that says what its world is; `fieldtruth map` writes them as geotiff, grid_map and" in text

@@ -145,6 +145,7 @@ def test_the_lean_is_a_pure_function_of_seed_plant_and_time(world: World) -> Non
         for k in range(len(knots)):
             np.testing.assert_allclose(one.vectors(np.array([row]), knots[k : k + 1])[0, 0], every[k, row], atol=1e-7)
     assert np.abs(every - leaning(world, 2).vectors(one.rows, knots)).max() > 1e-3
+    assert one.with_cause(one.causes[0], one.causes[0]).ripples is one.ripples is not None
     assert leaning_of(None, world, 1) is None
     assert leaning_of(WindConfig(speed_m_s=0), world, 1) is None
 

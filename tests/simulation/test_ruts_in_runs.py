@@ -11,12 +11,15 @@ import pytest
 from sense_worlds import make_world
 
 from fieldtruth import pipeline
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.readings import Cloud
+from fieldtruth.degradation import degrade
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.sense import ruts as under_test
+from fieldtruth.sense.scene import Scene
 from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.validation import world as validated_world
 from fieldtruth.validation.runner import validate
@@ -113,6 +116,12 @@ def test_a_run_is_retraced_and_ruts_on_the_wrong_side_are_found(
     wrong = {check.name: check for check in validate(run, workers=2)}
     assert wrong["retraced clouds"].passed is False
     assert wrong["independent rays"].passed is False
+
+
+def test_a_degraded_lidar_sees_the_ruts_of_a_run_with_noise(world: World, run: Path, tmp_path: Path) -> None:
+    signal = {"lidar": {"range_noise": [[12.0, 0.02]]}}
+    whole = pipeline.generate(with_overrides(sandy(), signal=signal), tmp_path / "noisy", world=world)
+    assert sha256_of(degrade(run, tmp_path / "degraded", signal=signal, scene=Scene(world))) == sha256_of(whole)
 
 
 def test_ground_that_keeps_no_ruts_leaves_no_trace_in_the_experiment() -> None:

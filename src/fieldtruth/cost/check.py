@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from fieldtruth.cost import check_cost, cost_layers, layer_name, named_layers
 from fieldtruth.cost.stretch import Cause, Passage
 from fieldtruth.cost.tiles import Costs, Order, TileDrives
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.local_maps.check import StoredMap, compare, read_map
+from fieldtruth.local_maps.check import DAMAGED, StoredMap, compare, read_map
 from fieldtruth.validation.check import Check, Count, Rule, Spec, Tally
 
 TILES: Final = 4
@@ -40,7 +39,7 @@ def has_costs(path: Path) -> bool:
     try:
         with np.load(path, allow_pickle=False) as file:
             return any(map(_CAUSE.fullmatch, file.files))
-    except (OSError, ValueError, BadZipFile):  # which those who read it say
+    except DAMAGED:  # which those who read it say
         return False
 
 
@@ -60,12 +59,13 @@ def validate_cost_map(path: Path | str, *, workers: int | None = None, progress:
     found = [match.groups() for match in map(_CAUSE.fullmatch, stored.layers) if match]
     if not found:
         raise ConfigurationError(f"{path} is no map of costs; `fieldtruth cost` makes one")
-    speeds, headings = list(dict.fromkeys(float(speed) for speed, _ in found)), len({angle for _, angle in found})
     try:
+        speeds, headings = list(dict.fromkeys(float(speed) for speed, _ in found)), len({angle for _, angle in found})
         tallies, rig = [Tally(COSTS), Tally(DRIVES)], Rig.model_validate(stored.rig)
     except ValueError as error:
-        raise ConfigurationError(f"{path} does not describe a rig") from error
-    check_cost(rig.robot, speeds, headings, stored.grid.resolution)
+        raise ConfigurationError(f"{path} does not describe speeds and a rig") from error
+    if stored.rig:
+        check_cost(rig.robot, speeds, headings, stored.grid.resolution)
     known = all(name in stored.layers for name in cost_layers(speeds, headings))
     tallies[0][SAME_MEANS].see(known, "a layer that is missing")
     if known:

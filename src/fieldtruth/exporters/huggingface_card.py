@@ -150,8 +150,8 @@ def card_text(tables: Sequence[Table], members: Sequence[Member], labels: LabelM
         own=is_own(members),
         collection=collection_of(made) if made else "",
         conditions=conditions_of(made) if made else "",
-        limits=card_part("limits"),
-        licence=card_part("licence"),
+        limits=card_part("limits", made),
+        licence=card_part("licence", made),
     )
 
 
@@ -219,7 +219,7 @@ def croissant_text(folder: Path, tables: Sequence[Table], members: Sequence[Memb
 def _responsible(members: Sequence[Member]) -> dict[str, Any]:
     """Return licence, citation and responsible-AI properties of runs that fieldtruth generated."""
     made = [member.run.experiment for member in members if member.run.experiment is not None]
-    limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
+    limits = [" ".join(item.split()) for item in card_part("limits", made).removeprefix("- ").split("\n- ")]
     collection = f"Simulated by fieldtruth: {collection_of(made)}; images and clouds are ray traced."
     biases = [conditions_of(made), *_FIXED["rai"]["dataBiases"]]
     values = _FIXED["rai"] | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}

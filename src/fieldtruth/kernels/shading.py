@@ -411,6 +411,8 @@ def _share_sun(
             _occluded(shadow.valid.ctypes, shading.scene.still, ray.ctypes, shadow.arguments.ctypes)
             if shading.scene.plants != np.uint64(0):
                 _occluded(shadow.valid.ctypes, shading.scene.plants, ray.ctypes, shadow.arguments.ctypes)
+            if shading.scene.ground != np.uint64(0):
+                _occluded(shadow.valid.ctypes, shading.scene.ground, ray.ctypes, shadow.arguments.ctypes)
             for lane in range(filled):
                 if ray[_FAR + lane] >= zero:
                     gbuffer[rows[lane], SUN] = one

@@ -46,7 +46,8 @@ _CLOSE: Final = 1e-4  # [m], or share, by which another processor may round
 _TEXT: Final = re.compile(r"(.+) with seed (\d+), ")
 _SHAPE: Final = 2  # dimensions of a layer
 _NUMBERS: Final = "biuf"  # kinds of their values
-_DAMAGED: Final = (LookupError, TypeError, ValueError, OSError, EOFError, StopIteration, zipfile.BadZipFile, zlib.error)
+DAMAGED: Final = (LookupError, TypeError, ValueError, OSError, EOFError, StopIteration, zipfile.BadZipFile, zlib.error)
+"""Errors of readers of damaged maps."""
 Values = Mapping[str, NDArray[Any]]
 
 
@@ -126,7 +127,7 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
         about = yaml.safe_load((folder / ABOUT).read_text(encoding="utf-8"))
         side, resolution = float(about["side"]), float(about["resolution"])
         names = [str(name) for name in about["layers"]]
-    except (*_DAMAGED, yaml.YAMLError) as error:
+    except (*DAMAGED, yaml.YAMLError) as error:
         raise ConfigurationError(f"{folder / ABOUT} does not describe maps around a robot") from error
     has_costs = any(name not in LAYERS and name not in OWN for name in names)
     own = [name for name in names if name in LAYERS or (name in OWN and not (has_costs and name == "free"))]
@@ -139,7 +140,7 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
         path, made = folder / f"{stamp}.npz", maps.at(stamp)
         try:
             stored = _arrays(path)
-        except _DAMAGED:
+        except DAMAGED:
             what = "is damaged" if path.exists() else "is missing"
             tally[SAME_CELLS].add(1, 1, f"{path.name}, which {what}")
             continue
@@ -194,7 +195,7 @@ def read_map(path: Path) -> StoredMap:
     """Read a map of a world; raises ConfigurationError."""
     try:
         return _READERS["" if path.is_dir() else path.suffix](path)
-    except (*_DAMAGED, yaml.YAMLError) as error:
+    except (*DAMAGED, yaml.YAMLError) as error:
         text = "is no map that says what its world is; `fieldtruth map` writes them as geotiff, grid_map and npz"
         raise ConfigurationError(f"{path} {text}") from error
 
@@ -211,7 +212,7 @@ def _read_npz(path: Path) -> StoredMap:
     grid = Grid(x0, y0, resolution, (int(shape[0]), int(shape[1])))
     named = _TEXT.match(text := str(found["world"]))
     layout = dict(json.loads(str(found.get("layout", "{}"))))
-    layers = {name: values for name, values in found.items() if values.shape == shape}
+    layers = {name: values for name, values in found.items() if name in LAYERS or values.shape == shape}
     rig = dict(json.loads(str(found.get("rig", "{}"))))
     return StoredMap(grid, layers, named[1], int(named[2]), layout, text, rig)  # type: ignore[index]
 

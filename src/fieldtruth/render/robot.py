@@ -58,7 +58,7 @@ def _sunlit(shading: Shading, table: Array, world_from_base: Array) -> tuple[Gri
     world = (points @ world_from_base[:3, :3].T + world_from_base[:3, 3]).astype(np.float32)
     disc = sun_disc(shading.light.sun, RADIUS_DEG, _SUN_RAYS)
     seen = visibility(shading.scene.still, world, None, disc, _ABOVE)
-    for movers in (shading.scene.plants, shading.scene.moving):
-        if movers:
-            seen *= visibility(movers, world, None, disc, _ABOVE)
+    for other in (shading.scene.plants, shading.scene.ground, shading.scene.moving):
+        if other:
+            seen *= visibility(other, world, None, disc, _ABOVE)
     return Grid(seen.reshape(_NODES), float(x[0]), float(y[0]), 1.0 / spacing), level

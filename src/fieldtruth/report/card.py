@@ -194,14 +194,23 @@ def data_card(
         no_return=NO_RETURN,
         origin=_origin(world.origin),
         frames=_frames(rig, world.origin),
+        moves=_moves([experiment]),
         odometry=note_lines(rig, Odometry),
         inertial=note_lines(rig, Inertial),
     )
 
 
-def card_part(name: str) -> str:
-    """Return a part of the card that is the same for all runs, as Markdown: ``limits`` or ``licence``."""
-    return _TEMPLATES.get_template(f"card_{name}.md.jinja").render().rstrip()
+def card_part(name: str, experiments: Sequence[Experiment]) -> str:
+    """Return a part of the card of runs as Markdown: ``limits`` or ``licence``."""
+    return _TEMPLATES.get_template(f"card_{name}.md.jinja").render(moves=_moves(experiments)).rstrip()
+
+
+def _moves(experiments: Sequence[Experiment]) -> str:
+    """Return a sentence about what moves in experiments beside the robot of each."""
+    moving = dict.fromkeys(name for each in experiments for name in each.moving)
+    if not moving:
+        return "Only the robot moves: there is no wind, and there are no people, animals or vehicles."
+    return f"Nothing moves beside the robot but what `experiment.yaml` has: {_list(moving)}."
 
 
 def _origin(origin: Origin) -> str:

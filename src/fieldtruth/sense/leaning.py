@@ -107,7 +107,7 @@ class Leaning:
 
     def with_cause(self, old: Lean, new: Lean) -> "Leaning":
         """Return the same plants with another cause in place of one."""
-        return Leaning(self.plants, [new if each is old else each for each in self.causes])
+        return Leaning(self.plants, [new if each is old else each for each in self.causes], self.ripples)
 
     @cached_property
     def rows(self) -> Index:

@@ -212,7 +212,7 @@ class TracedRuts:
         rays, count = RayScene(self._engine), len(scenes)
         columns = np.tile(np.eye(4)[:, :3].ravel().astype(np.float32), (1, count, 1))
         rays.add_instances(scenes, np.arange(count, dtype=np.uint32), columns, number=self._number)
-        return RuttedGround(rays.commit(), self.ruts.table(depths[0]))
+        return RuttedGround(rays.commit(), self.ruts.table(depths[0].copy()))
 
     def _block(self, row: int, depths: Float32Array) -> RayScene:
         """Build the Embree scene of a block with depths (k, CELLS + 1, CELLS + 1) [m] evenly from time 0 to 1."""

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import ref
 
+import numpy as np
+
 from fieldtruth.actors.cast import ActorStates
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import ConfigurationError, DriveError
@@ -542,7 +544,7 @@ class Simulation:
         if pressed is None or (lean := pressed.until(stamp_ns)) is pressed:
             return sensor_world
         assert sensor_world.leaning is not None
-        if self._wider is None or lean is not self._wider[0]:
+        if self._wider is None or not np.array_equal(lean.rows, self._wider[0].rows):
             self._wider = lean, sensor_world.leant(sensor_world.leaning.with_cause(pressed, lean))
         return self._wider[1]
 
