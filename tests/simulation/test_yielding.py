@@ -13,7 +13,7 @@ from sense_worlds import make_world
 
 from fieldtruth import pipeline
 from fieldtruth.annotation import annotate
-from fieldtruth.bag.bodies import leans_in
+from fieldtruth.bag.bodies import moving_in
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
@@ -131,7 +131,9 @@ def test_a_bag_and_its_recording_have_the_same_plants(world: World, run: Path) -
     far = dataclasses.replace(world, swarms=(dataclasses.replace(swarm, world_from_object=poses),))
     simulation = Simulation(crossing(), world=far)
     simulation.reset()
-    (again,) = leans_in(far, open_run(run), crossing())
+    leaning = moving_in(far, open_run(run), crossing())[1].leaning
+    assert leaning is not None
+    (again,) = leaning.causes
     assert simulation.company is not None
     assert np.array_equal(again.rows, simulation.company.leans[0].rows)
     assert np.array_equal(again.rows, np.arange(len(plants_of(far).top)))

@@ -18,7 +18,7 @@ from fieldtruth.validation import Check, as_json, as_text
 from fieldtruth.validation.__main__ import with_table
 from fieldtruth.validation.runner import validate
 
-MAPS = ["map", "local maps", "heights by rays"]
+MAPS = ["map", "local maps", "costs", "costs by drives", "heights by rays"]
 NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "noise of LiDARs", "normals", "optical flow"]
 MOVING = "moving objects"
 """Of runs in which something moves beside the robot."""

@@ -62,36 +62,25 @@ def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World
         BagError: the bag is damaged, or lacks them.
     """
     world, bodies = with_bodies(world, run, experiment)
-    leaning = leaning_of(experiment.wind, world, experiment.seed, *leans_in(world, run, experiment))
-    return world, Moving(bodies, leaning, ruts_in(world, run, experiment))
+    pressing = experiment.plants.yielding or experiment.ground.ruts
+    robots = _robots_in(world, run, experiment) if pressing else {}
+    leans = [leans_of(world, robots)] if experiment.plants.yielding else []
+    ruts = ruts_of(world, robots) if experiment.ground.ruts else None
+    return world, Moving(bodies, leaning_of(experiment.wind, world, experiment.seed, *leans), ruts)
 
 
-def leans_in(world: World, run: BagFile, experiment: Experiment) -> list[PressedPlants]:
-    """Return how the robots of a run press plants, by their poses in the bag; nothing if plants do not yield.
+Robots = Mapping[str, tuple[Experiment, KnotPoses, Array]]
+"""Robots by name, each with its experiment, its poses at the knots of bodies, and its way (m, 2) [m]."""
 
-    A random route is planned again.
 
-    Raises:
-        BagError: the bag is damaged, or lacks them.
-    """
-    if not experiment.plants.yielding:
-        return []
-    robots = _robots_in(world, run, experiment)
+def leans_of(world: World, robots: Robots) -> PressedPlants:
+    """Return how robots press plants."""
     hulls = {name: (made.rig, poses) for name, (made, poses, _) in robots.items()}
-    return [PressedPlants(world, plants_of(world), hulls, [way for _, _, way in robots.values()])]
+    return PressedPlants(world, plants_of(world), hulls, [way for _, _, way in robots.values()])
 
 
-def ruts_in(world: World, run: BagFile, experiment: Experiment) -> Ruts | None:
-    """Return the ruts that the robots of a run leave, by their poses in the bag; None if they leave none.
-
-    Raises:
-        BagError: the bag is damaged, or lacks them.
-    """
-    return ruts_of(world, _robots_in(world, run, experiment)) if experiment.ground.ruts else None
-
-
-def ruts_of(world: World, robots: Mapping[str, tuple[Experiment, KnotPoses, Array]]) -> Ruts:
-    """Return the ruts of robots, each with its experiment, its poses at the knots of bodies, and its way (m, 2) [m]."""
+def ruts_of(world: World, robots: Robots) -> Ruts:
+    """Return the ruts that robots leave."""
     return Ruts(
         world,
         [
@@ -101,8 +90,8 @@ def ruts_of(world: World, robots: Mapping[str, tuple[Experiment, KnotPoses, Arra
     )
 
 
-def _robots_in(world: World, run: BagFile, experiment: Experiment) -> dict[str, tuple[Experiment, KnotPoses, Array]]:
-    """Return experiment, poses and way (m, 2) [m] of each robot of a run, by its name in the bag."""
+def _robots_in(world: World, run: BagFile, experiment: Experiment) -> Robots:
+    """Return the robots of a run by their names in the bag; a random route is planned again."""
     made = {name: experiment.of_robot(name) for name in experiment.robots} or {table.ROBOT: experiment}
     poses = {name: KnotPoses() for name in made}
     _read(run, poses, [])

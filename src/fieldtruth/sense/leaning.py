@@ -126,7 +126,7 @@ class Leaning:
             if (known := self._known.get((*version, knot))) is None:
                 known = self._summed(rows, np.array([knot]))[0]
                 with self._lock:
-                    _keep(self._known, (*version, knot), known)
+                    keep(self._known, (*version, knot), known)
             found.append(known)
         return np.array(found)
 
@@ -168,9 +168,9 @@ class Leaning:
         return np.asarray(poses[begin] + share * (poses[end] - poses[begin]))
 
 
-def _keep(kept: dict[Key, Value], key: Key, value: Value) -> None:
-    """Put a value into a dictionary of at most _KEPT, and forget the oldest ones."""
-    while len(kept) >= _KEPT:
+def keep(kept: dict[Key, Value], key: Key, value: Value, *, most: int = _KEPT) -> None:
+    """Put a value into a dictionary of at most so many, and forget the oldest ones."""
+    while len(kept) >= most:
         del kept[next(iter(kept))]
     kept[key] = value
 
@@ -225,7 +225,7 @@ class TracedPlants:
         rays.add_instances(self._scenes, self._which, columns, number=self._first)
         made = LeantScene(rays.commit(), axes)
         with self._lock:
-            _keep(self._made, key, made)
+            keep(self._made, key, made)
         return made
 
     def moved(self, geometry: Index, stamps_ns: tuple[int, int]) -> Array:

@@ -42,8 +42,8 @@ REACH: Final = 2.0
 """Distance [m] from the ways of robots within which plants lean; no follower drives farther from its route."""
 _AROUND: Final = 4.0
 """Radius [m] of an area in which plants lean where a robot left its way."""
-_EDGE: Final = 0.7
-"""Distance [m] of a robot from the edge of an area at which it leaves it: no plant beyond is touched yet."""
+_READING: Final = 4
+"""Knots from a pose that is known to the end of the longest reading, in which plants lean that were found by it."""
 FLAT: Final = np.radians(85.0)
 """Lean of what a wheel has rolled over, and at most of what is behind the hull."""
 _BUSH: Final = np.radians(60.0)
@@ -178,7 +178,8 @@ class PressedPlants:
             moved = np.linalg.inv(before) @ now
             if (knot - 1) * LEAN_KNOT_NS >= self.free_ns:
                 areas = [*self._ways, *(_area(position) for _, position in self._strayed)]
-                if beyond(now[None, :2, 3], areas)[0] > -_EDGE:
+                reach = np.hypot(hull.front, hull.half) + _MARGIN + _READING * abs(moved[0, 3])
+                if beyond(now[None, :2, 3], areas)[0] > -reach:
                     self._strayed.append((knot, now[:2, 3]))
                     self._yielding |= beyond(self._foot[:, :2], [_area(now[:2, 3])]) < 0.0
             self._press(knot, hull, now @ moved @ moved, float(moved[0, 3]))

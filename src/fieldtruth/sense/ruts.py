@@ -21,7 +21,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Index, Mask
 from fieldtruth.experiment.rig import Rig, wheel_cylinders
 from fieldtruth.kernels.ruts import CELLS, RutTable, press_ruts
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.leaning import LEAN_KNOT_NS
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, keep
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses
 from fieldtruth.sense.pressed import beyond
 from fieldtruth.world.model import Heightfield, World
@@ -47,10 +47,11 @@ class Wheeled(NamedTuple):
 
 
 class _Change(NamedTuple):
-    """Nodes whose depth changes at a knot, and their new depths [m]."""
+    """Nodes whose depth changes at a knot, and their depths [m] before and after."""
 
     node: Index
-    depth: Float32Array
+    before: Float32Array
+    after: Float32Array
 
 
 class Ruts:
@@ -134,9 +135,9 @@ class Ruts:
         """Depths at a knot, valid until the next call."""
         while len(self._changes) < knot:
             self._advance(len(self._changes) + 1)
-        if knot < self._knot:
-            self._knot, self._depth = 0, np.zeros_like(self._depth)
-        for node, depth in self._changes[self._knot : knot]:
+        for node, _, depth in self._changes[self._knot : knot]:
+            self._depth.ravel()[node] = depth
+        for node, depth, _ in reversed(self._changes[knot : self._knot]):
             self._depth.ravel()[node] = depth
         self._knot = knot
         return self._depth
@@ -153,7 +154,7 @@ class Ruts:
                 tyre = each.rig.wheels
                 press_ruts(self.table(depth), wheels, tyre.width / 2, tyre.radius)
         node = np.flatnonzero(depth != before)
-        self._changes.append(_Change(node, depth.ravel()[node]))
+        self._changes.append(_Change(node, before.ravel()[node], depth.ravel()[node]))
 
 
 def _wheels(robot: Wheeled, poses: Array) -> Array:
@@ -175,10 +176,6 @@ class RuttedGround(NamedTuple):
     table: RutTable
 
 
-_KEPT: Final = 8
-"""Scenes that are kept: sensors that read at the same time share one."""
-
-
 class TracedRuts:
     """Ruts in the ray tracer. Threads may share it. ``number`` is that of the ground's geometry.
 
@@ -197,9 +194,7 @@ class TracedRuts:
         key = self.ruts.version, *stamps_ns.tolist()
         with self._lock:
             if key not in self._made:
-                while len(self._made) >= _KEPT:
-                    del self._made[next(iter(self._made))]
-                self._made[key] = self._make(self.ruts.depths(stamps_ns))
+                keep(self._made, key, self._make(self.ruts.depths(stamps_ns)), most=3)
             return self._made[key]
 
     def _make(self, depths: Float32Array) -> RuttedGround:

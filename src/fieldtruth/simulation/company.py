@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.actors.behaviour import RobotState
 from fieldtruth.actors.cast import ActorStates, Cast
-from fieldtruth.bag.bodies import ruts_of
+from fieldtruth.bag.bodies import Robots, leans_of, ruts_of
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.core.progress import Advance
@@ -29,7 +29,7 @@ from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig, metres_from_route
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.leaning import LEAN_KNOT_NS, plants_of
+from fieldtruth.sense.leaning import LEAN_KNOT_NS
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
@@ -83,8 +83,7 @@ class Company:
     def _pressed(self) -> PressedPlants | None:
         if not self._experiment.plants.yielding:
             return None
-        hulls = {name: (made.rig, self.poses[name]) for name, made in self.experiments.items()}
-        return PressedPlants(self.world, plants_of(self.world), hulls, [self._way(name) for name in hulls])
+        return leans_of(self.world, self._robots())
 
     @property
     def leans(self) -> list[PressedPlants]:
@@ -96,17 +95,19 @@ class Company:
         """The ruts that the robots leave; None if they leave none."""
         if not self._experiment.ground.ruts:
             return None
-        robots = {name: (made, self.poses[name], self._way(name)) for name, made in self.experiments.items()}
-        return ruts_of(self.world, robots)
+        return ruts_of(self.world, self._robots())
 
     @property
     def _left(self) -> list[PressedPlants | Ruts]:
         """What robots leave behind them, which follows from all of their poses."""
         return [*self.leans, *([self.ruts] if self.ruts is not None else [])]
 
-    def _way(self, name: str) -> Array:
-        """Corners (m, 2) [m] of the route of a robot."""
-        return metres_from_route(self._route(name), self.world.origin)
+    def _robots(self) -> Robots:
+        origin = self.world.origin
+        return {
+            name: (made, self.poses[name], metres_from_route(self._route(name), origin))
+            for name, made in self.experiments.items()
+        }
 
     def _route(self, name: str) -> RouteConfig:
         """Return the route of a robot, planned once."""

@@ -24,6 +24,7 @@ class RuttedCells:
         self._nodes[..., 0] = corner[:, 0, None, None] + along[:, None]
         self._nodes[..., 1] = corner[:, 1, None, None] + along
         self._nodes[..., 2] = field.height_at(self._nodes[..., 0], self._nodes[..., 1])
+        self._least, self._most = self._nodes.min(axis=(1, 2)) - SKIN, self._nodes.max(axis=(1, 2)) + SKIN
 
     def replaces(self, corners: Array) -> Mask:
         """Return which triangles (n, 3, 3) of the ground these cells replace."""
@@ -42,9 +43,7 @@ class RuttedCells:
         knots, row = np.unique(np.concatenate([low, low + 1]), return_inverse=True)
         depths = self._ruts.depths(knots * LEAN_KNOT_NS)
         begin, end = np.split(row, 2)
-        least = self._nodes.min(axis=(1, 2)) - SKIN
-        least[:, 2] -= depths.max(axis=(0, 2, 3))
-        most = self._nodes.max(axis=(1, 2)) + SKIN
+        least, most = self._least - (0.0, 0.0, depths.max(initial=0.0)), self._most
         near = near_all(least, most, start, ahead, limit)
         ray, block = np.nonzero(meets(least[near], most[near], start[:, None], ahead[:, None], limit[:, None]))
         block = near[block]
