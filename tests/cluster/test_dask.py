@@ -95,6 +95,7 @@ def test_actors_and_plants_that_yield_move_on_workers_as_here(tmp_path: Path) ->
         route={"metres": {"start": [-5.5, 9.0], "waypoints": [[-1.5, 9.0]]}},
         actors={"anna": {"kind": "person"}},
         plants={"yielding": True},
+        ground={"ruts": True},
     )
     company = Company(experiment, small_park)
     company.drive()

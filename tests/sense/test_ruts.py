@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ruts against the closed form of the soil law, the shape of a wheel, and the second ray tracer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sense_worlds import make_world
+from sense_worlds import box, make_world
+from test_leaning import Rocking
 
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import GROUND_ID, Label
@@ -13,8 +16,8 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.soil import RutSoil
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.leaning import LEAN_KNOT_NS
-from fieldtruth.sense.moving import KNOT_NS, KnotPoses
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, Leaning, plants_of
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.ruts import Ruts, Wheeled
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -49,6 +52,12 @@ def driven(seconds: float, *, speed: float = SPEED, y: float = 0.0) -> KnotPoses
 
 def ruts_in(world: World, poses: KnotPoses, soil: object = given) -> Ruts:
     return Ruts(world, [Wheeled(RIG, poses, WAY, soil)])  # type: ignore[arg-type]
+
+
+def gliding(start: F8, stamps_ns: NDArray[np.int64]) -> F8:
+    poses = np.tile(start, (len(stamps_ns), 1, 1))
+    poses[:, 0, 3] += 1e-9 * stamps_ns - 1.5
+    return poses
 
 
 def plain(seed: int | None = None) -> World:
@@ -184,6 +193,36 @@ def test_the_second_tracer_meets_the_same_ground_while_it_changes() -> None:
         assert np.array_equal(hits.ray[first], np.arange(len(chosen)))
         error = np.abs(hits.range_m[first] - range_m[chosen[:, 0], chosen[:, 1]]) * hits.cosine[first]
         assert (error.max() < 5e-5) == equal  # a ray near an edge may meet either triangle
+
+
+def test_bodies_plants_and_ruts_are_met_in_one_scan() -> None:
+    """By their ids, and where the second tracer meets them; it may meet the other side of an edge."""
+    poses = transforms.pose((0.6, -1.2, 0.4), (0.0, 0.0, 0.0)), transforms.pose((0.5, 1.0, 0.0), (0.0, 0.0, 0.0))
+    hedge = replace(box("hedge", (0.2, 0.5, 0.6), "leaf"), species=("hazel",), footprint=0.1)
+    world = make_world([(hedge, poses[1])], spacing=0.05, side=8.0)
+    body = MovingBody(
+        name="crate", object_id=9, mesh=box("crate", (0.2, 0.2, 0.2)), pose=lambda t: gliding(poses[0], t)
+    )
+    plants = plants_of(world)
+    moving = [body], Leaning(plants, [Rocking(np.arange(len(plants.top)))]), ruts_in(world, driven(2.0))
+    scene, stamp = Scene(world, *moving), 1_530_000_000
+    config = LidarConfig(columns=512, rings=64, max_range=8.0, spinning=True)
+    pose = transforms.pose((-1.2, 0.1, 0.8), (0.0, 20.0, 0.0))
+    scan = IdealLidar(config, scene).scan(np.tile(pose, (513, 1, 1)), stamp)
+    height = (scan.xyz.astype(float) @ pose[:3, :3].T + pose[:3, 3])[:, 2]
+    assert {(scan.instance == number).sum() > 50 for number in (body.object_id, 2)} == {True}
+    assert (height < -0.5 * SINKAGE).sum() > 50
+    directions = ray_directions(config)[scan.column, scan.ring] @ pose[:3, :3].T
+    stamps = stamp + np.broadcast_to(ray_times_ns(config), (512, 64))[scan.column, scan.ring]
+    chosen = np.random.default_rng(0).choice(len(scan.xyz), 1500, replace=False)
+    origins, limit = np.tile(pose[:3, 3], (len(chosen), 1)), np.full(len(chosen), 8.0)
+    for known, equal in ((moving, True), ((*moving[:2], None), False), (([], *moving[1:]), False)):
+        hits = ReferenceTracer(world, *known).hits(origins, directions[chosen], limit, stamps[chosen])
+        first = np.flatnonzero(np.diff(hits.ray, prepend=-1))
+        error = np.full(len(chosen), np.inf)
+        found = np.linalg.norm(scan.xyz[chosen].astype(float), axis=1)[hits.ray[first]]
+        error[hits.ray[first]] = np.abs(hits.range_m[first] - found) * hits.cosine[first]
+        assert ((error > 1e-4).mean() <= 0.002) == equal
 
 
 def test_ground_that_does_not_yield_is_the_same_without_a_gap() -> None:
