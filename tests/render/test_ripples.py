@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, make_world, quad
 
+from fieldtruth.core import transforms
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.camera_rays import new_batch
@@ -67,12 +68,31 @@ def test_each_wave_travels_down_the_wind_at_the_speed_of_its_length() -> None:
     assert np.median(opposite) > 0.01
 
 
+@pytest.mark.parametrize("elevation", [0.02, 0.1, 0.5, 1.2])
+def test_waves_below_a_pixel_tilt_the_water_by_the_mean_of_the_facets_that_are_seen(elevation: float) -> None:
+    """Against the sum over a million facets, each weighted by its projected area."""
+    ripples, azimuth = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=250.0), 1).at(STAMP), 0.7
+    ahead = np.array([np.cos(azimuth), np.sin(azimuth)])
+    batch, second, gbuffer = new_batch(1), new_secondary_batch(1), np.zeros((1, FIELDS), np.float32)
+    ray = np.array([*ahead * np.cos(elevation), -np.sin(elevation)])
+    batch.direction[:, 0], batch.top[:], batch.distance[:], gbuffer[:, MIRROR] = ray, 1, 100.0, 0.02
+    water_rays((batch, gbuffer), ripples, 1, 1.0, True, second)
+    normal = second.batch.direction[:, 0] - ray
+    number = np.linalg.norm(ripples[:, :2], axis=1)
+    variance = (0.5 * (ripples[:, 2] * (ripples[:, :2] @ ahead) / number) ** 2).sum()
+    facets = np.random.default_rng(1).normal(0.0, np.sqrt(variance), 1_000_000)
+    seen = np.maximum(facets + np.tan(elevation), 0.0)
+    assert -normal[:2] @ ahead / normal[2] == pytest.approx((facets * seen).sum() / seen.sum(), rel=0.02, abs=1e-4)
+    assert -normal[:2] @ [-ahead[1], ahead[0]] / normal[2] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_wind() -> None:
     water = quad("lake", [[-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0]], "water")
     world = make_world([(water, at(0, 0, 0))], height=-2.0)
     mirror = replace(world.materials["water"], mirror=0.02)
     world = replace(world, materials={**world.materials, "water": mirror}, water_level=0.0)
-    config, pose = CameraConfig(width=96, height=64), at(-4, 0, 1.0) @ OPTICAL
+    config = CameraConfig(width=96, height=64, horizontal_fov_deg=12.0, vertical_fov_deg=8.0)
+    pose = transforms.pose((-4, 0, 1.0), (0, 15, 0)) @ OPTICAL
     photos = []
     for wind in (WindConfig(speed_m_s=8.0), None):
         baked = bake(Scene(world, leaning=leaning_of(wind, world, 1)))

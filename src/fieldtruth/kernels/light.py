@@ -242,7 +242,8 @@ class Shading(NamedTuple):
     snow: SnowTable
     has_snow: bool
     robot: RobotTable
-    ripples: Float32Array  # (n, 4) of water: wave vector x, y [rad/m], slope, phase
+    # (n, 5) of water: wave vector x, y [rad/m], slope, phase, share of its variance that tilts pixels that it is below
+    ripples: Float32Array
 
 
 READ: Final = 15

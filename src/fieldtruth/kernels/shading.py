@@ -7,6 +7,7 @@ refracted to the bottom. Waves are a sum of sines, faded out where a pixel spans
 Snow covers the ground by its depth, and what faces up to the sky on everything else.
 """
 
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -103,13 +104,13 @@ def new_secondary_batch(count: int) -> SecondaryBatch:
 
 
 def _waves() -> Float32Array:
-    """Rows of wave vector x, y [rad/m], slope, phase: ripples of 0.1 to 2.5 m that a light wind drives towards +x."""
+    """Rows as in ``Shading.ripples``: waves of 0.1 to 2.5 m that a light wind drives towards +x."""
     rng = np.random.default_rng(5)
     length = np.geomspace(0.12, 2.6, _WAVES)
     heading = rng.normal(0.35, 0.55, _WAVES)
     slope = 0.0125 * (length / 0.6).clip(0.5, 1.0)
     k = 2.0 * np.pi / length
-    waves = [k * np.cos(heading), k * np.sin(heading), slope, rng.uniform(0.0, 2.0 * np.pi, _WAVES)]
+    waves = [k * np.cos(heading), k * np.sin(heading), slope, rng.uniform(0.0, 2.0 * np.pi, _WAVES), np.zeros(_WAVES)]
     return np.stack(waves, axis=-1).astype(np.float32)
 
 
@@ -131,6 +132,31 @@ def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple
         sx += steep * kx
         sy += steep * ky
     return sx, sy  # type: ignore[return-value]
+
+
+@inlined
+def _mean_tilt(ripples: Float32Array, ahead: tuple[float, float, float], footprint: float) -> float:
+    """Mean slope, towards the viewer, of the facets seen along a ray (3,) in waves that are too short for a pixel.
+
+    Slopes are normal with the variance v of what ``_slope`` lets fade, and facets are seen by their projected area, so
+    at the elevation whose tangent is T the mean is v F(t) / (T F(t) + sqrt(v) f(t)), t = T / sqrt(v), with the
+    normal distribution F and its density f. It is 1.25 sqrt(v) at grazing incidence: far water mirrors higher sky.
+    """
+    dx, dy, dz = ahead
+    flat, variance = math.sqrt(dx * dx + dy * dy), 0.0
+    for n in range(ripples.shape[0]):
+        if ripples[n, 4] > 0.0:
+            kx, ky = ripples[n, 0], ripples[n, 1]
+            wave_number = math.sqrt(kx * kx + ky * ky)
+            fade = min(max(1.6 - 0.5 * footprint * wave_number, 0.0), 1.0)
+            along = ripples[n, 2] * (kx * dx + ky * dy) / (wave_number * max(flat, 1e-6))
+            variance += 0.5 * ripples[n, 4] * (1.0 - fade * fade) * along * along
+    if variance < 1e-9:
+        return 0.0
+    steep = -dz / max(flat, 1e-6)
+    t = steep / math.sqrt(variance)
+    below = 0.5 * (1.0 + math.erf(t / math.sqrt(2.0)))
+    return variance * below / (steep * below + math.sqrt(variance / (2.0 * math.pi)) * math.exp(-0.5 * t * t))
 
 
 @kernel
@@ -157,6 +183,11 @@ def water_rays(
             continue
         footprint = np.float32(distance[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
         sx, sy = _slope(ripples, point[0, k], point[1, k], footprint)
+        tilt = _mean_tilt(ripples, (dx, dy, dz), footprint)
+        if tilt > 0.0:
+            tilt /= math.sqrt(dx * dx + dy * dy)
+            sx += np.float32(tilt * dx)
+            sy += np.float32(tilt * dy)
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         nx, ny, nz = -sx * scale, -sy * scale, scale
         cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))

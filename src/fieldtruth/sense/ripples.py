@@ -64,6 +64,6 @@ class Ripples(NamedTuple):
         )
 
     def at(self, stamp_ns: int) -> Float32Array:
-        """Rows (n, 4) of wave vector x, y, slope and phase at a stamp, see ``kernels.shading.RIPPLES``."""
+        """Rows (n, 5) of the waves at a stamp, see ``kernels.light.Shading``."""
         phase = np.mod(self.phase - self.omega * (stamp_ns / 1e9), 2.0 * np.pi)
-        return np.column_stack([self.k, self.slope, phase]).astype(np.float32)
+        return np.column_stack([self.k, self.slope, phase, np.ones(len(phase))]).astype(np.float32)
