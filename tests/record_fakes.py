@@ -123,7 +123,7 @@ class FakeImages:
 
 
 class FakeScene:
-    def __init__(self, world: World, moving: object = (), leaning: object = None, ruts: object = None) -> None:
+    def __init__(self, world: World, *_: object) -> None:
         self.world = world
 
 

@@ -37,7 +37,7 @@ def dask_setup(worker: Worker) -> None:
         patch.setattr("fieldtruth.simulation.motion.plan_and_drive", refuse)
 
 
-def wait_for_gate(scene: record_fakes.FakeScene, world: World, moving: object = (), leaning: object = None) -> None:
+def wait_for_gate(scene: record_fakes.FakeScene, world: World, *_: object) -> None:
     scene.world = world
     while not Path(os.environ["FAKE_GATE"]).exists():
         time.sleep(0.05)
