@@ -143,6 +143,7 @@ def test_validate_passes(small: Callable[[str], Path], to: str) -> None:
         ("cause_v1_h000", Cause.STUCK, [True, False]),  # no mean follows from why it does not pass
         ("passes_v1", 2, [False, True]),
         ("rig", None, [True, None]),
+        ("tilt_v1_h180", None, [False, None]),
     ],
 )
 def test_validate_finds_a_value_that_was_changed(

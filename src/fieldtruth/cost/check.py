@@ -68,6 +68,8 @@ def validate_cost_map(path: Path | str, *, workers: int | None = None, progress:
         check_cost(rig.robot, speeds, headings, stored.grid.resolution)
     known = all(name in stored.layers for name in cost_layers(speeds, headings))
     tallies[0][SAME_MEANS].see(known, "a layer that is missing")
+    if not known:
+        tallies[1].skipped = "a layer is missing"
     if known:
         costs = {speed: _costs(stored, speed, headings) for speed in speeds}
         for speed in speeds:
