@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sense_worlds import make_world
+from stepped_clouds import alike, clouds_of
 
 from fieldtruth import pipeline
 from fieldtruth.annotation import annotate
@@ -18,7 +19,6 @@ from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, DriveError, FieldtruthWarning
-from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, validated
 from fieldtruth.sense.scene import Scene
@@ -44,18 +44,6 @@ def acted(actors: dict[str, Any], **values: Any) -> Experiment:
 @pytest.fixture(name="world", scope="module")
 def _world() -> World:
     return make_world()
-
-
-def clouds_of(simulation: Simulation, steps: list[float]) -> list[Cloud]:
-    simulation.reset()
-    found: list[Cloud] = []
-    for seconds in steps:
-        found += simulation.step(seconds).all.get("lidar", ())
-    return found
-
-
-def alike(one: Cloud, other: Cloud) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
 
 
 def test_points_lie_on_a_walker_where_its_script_has_it_at_their_instants(world: World) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sense_worlds import make_world
+from stepped_clouds import alike
 
 from fieldtruth import pipeline
 from fieldtruth.bag.decode import count_messages
@@ -60,10 +61,6 @@ def driven(fleet: Fleet, seconds: list[float]) -> dict[str, list[Cloud]]:
         for name, frame in fleet.step(each).items():
             clouds[name] += frame.all.get("lidar", ())
     return clouds
-
-
-def alike(one: Cloud, other: Cloud) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
 
 
 def test_points_lie_on_the_other_robot_at_the_time_of_their_rays(world: World) -> None:

@@ -2,19 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs on soil that keeps ruts: equal however they are made, retraced; ruts on the wrong side are found."""
 
-import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from sense_worlds import make_world
+from stepped_clouds import alike, check_steps, clouds_of
 
 from fieldtruth import pipeline
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
-from fieldtruth.core.readings import Cloud
 from fieldtruth.degradation import degrade
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
@@ -45,15 +44,6 @@ def sandy(**values: Any) -> Experiment:
     return Experiment.model_validate(given | values)
 
 
-def clouds_of(simulation: Simulation, steps: list[float]) -> list[Cloud]:
-    simulation.reset()
-    return [cloud for seconds in steps for cloud in simulation.step(seconds).all.get("lidar", ())]
-
-
-def alike(one: Cloud, other: Cloud) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
-
-
 @pytest.fixture(name="world", scope="module")
 def _world() -> World:
     return make_world([], spacing=0.05, side=12.0)
@@ -65,16 +55,8 @@ def _run(world: World, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_readings_do_not_depend_on_steps_workers_or_going_back(world: World, run: Path) -> None:
-    recorded = open_run(run)["lidar"]
     simulation = Simulation(sandy(), world=world)
-    one = clouds_of(simulation, [0.003, 0.4, 0.117, 0.73])
-    assert len(one) == len(recorded) == 12
-    assert all(alike(each, recorded[k]) for k, each in enumerate(one))
-    clouds_of(simulation, [0.615])
-    state = pickle.loads(pickle.dumps(simulation.save()))
-    after = simulation.step(0.3).all["lidar"]
-    simulation.restore(state)
-    assert all(map(alike, simulation.step(0.3).all["lidar"], after))
+    one = check_steps(simulation, run)
     simulation.reset(start=(0.0, 1.0, -20.0))
     assert not any(map(alike, simulation.step(0.9).all["lidar"], one))
     assert all(map(alike, clouds_of(simulation, [0.9]), one))

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from sense_worlds import F8, at, box, make_world
+from stepped_clouds import alike, clouds_of
 
 from fieldtruth import pipeline
 from fieldtruth.bag.run import open_run
-from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.wind import leaning_of
@@ -43,15 +43,6 @@ def _world() -> World:
     wall = box("wall", (3.0, 0.05, 1.5), "leaf")
     vertices = wall.vertices + np.array([0, 0, 1.4], np.float32)
     return make_world([(replace(wall, vertices=vertices, species=("hazel",), footprint=0.1), at(0, 4, 0))])
-
-
-def clouds_of(simulation: Simulation, steps: list[float]) -> list[Cloud]:
-    simulation.reset()
-    return [cloud for seconds in steps for cloud in simulation.step(seconds).all.get("lidar", ())]
-
-
-def alike(one: Cloud, other: Cloud) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
 
 
 def test_steps_of_any_length_and_any_number_of_workers_give_the_same_readings(world: World, tmp_path: Path) -> None:

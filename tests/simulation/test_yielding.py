@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sense_worlds import make_world
+from stepped_clouds import alike, check_steps, clouds_of
 
 from fieldtruth import pipeline
 from fieldtruth.annotation import annotate
@@ -75,15 +76,6 @@ def crossing(**values: Any) -> Experiment:
     return Experiment.model_validate(given | values)
 
 
-def clouds_of(simulation: Simulation, steps: list[float], sensor: str = "lidar") -> list[Cloud]:
-    simulation.reset()
-    return [cloud for seconds in steps for cloud in simulation.step(seconds).all.get(sensor, ())]
-
-
-def alike(one: Cloud, other: Cloud) -> bool:
-    return all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("xyz", "label", "instance"))
-
-
 @pytest.fixture(name="world", scope="module")
 def _world() -> World:
     return reeds()
@@ -95,16 +87,7 @@ def _run(world: World, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_readings_do_not_depend_on_steps_workers_or_going_back(world: World, run: Path) -> None:
-    recorded = open_run(run)["lidar"]
-    simulation = Simulation(crossing(), world=world)
-    one = clouds_of(simulation, [0.003, 0.4, 0.117, 0.73])
-    assert len(one) == len(recorded) == 12
-    assert all(alike(each, recorded[k]) for k, each in enumerate(one))
-    clouds_of(simulation, [0.615])
-    state = pickle.loads(pickle.dumps(simulation.save()))
-    after = simulation.step(0.3).all["lidar"]
-    simulation.restore(state)
-    assert all(map(alike, simulation.step(0.3).all["lidar"], after))
+    check_steps(Simulation(crossing(), world=world), run)
     assert parse_experiment(dump_experiment(crossing())) == crossing()
 
 
@@ -220,9 +203,9 @@ def test_steps_and_the_order_of_robots_change_nothing(world: World) -> None:
     for seconds in (0.01, 1.23, 1.56):
         one.step(seconds)
     driven = other.drive()
-    for name, alike in (("a", "b"), ("b", "a")):
+    for name, other_name in (("a", "b"), ("b", "a")):
         motion = one.robots[name].track.motion
-        assert np.array_equal(motion.position[-1], driven[alike].track.motion.position[-1])
+        assert np.array_equal(motion.position[-1], driven[other_name].track.motion.position[-1])
         assert np.array_equal(motion.quaternion_wxyz[-1], driven[alike].track.motion.quaternion_wxyz[-1])
 
 
