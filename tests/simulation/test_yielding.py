@@ -206,7 +206,7 @@ def test_steps_and_the_order_of_robots_change_nothing(world: World) -> None:
     for name, other_name in (("a", "b"), ("b", "a")):
         motion = one.robots[name].track.motion
         assert np.array_equal(motion.position[-1], driven[other_name].track.motion.position[-1])
-        assert np.array_equal(motion.quaternion_wxyz[-1], driven[alike].track.motion.quaternion_wxyz[-1])
+        assert np.array_equal(motion.quaternion_wxyz[-1], driven[other_name].track.motion.quaternion_wxyz[-1])
 
 
 def test_another_process_finds_the_leans_of_a_drive(world: World) -> None:

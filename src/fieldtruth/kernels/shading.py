@@ -119,7 +119,7 @@ RIPPLES: Final = _waves()
 
 
 @inlined
-def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple[float, float]:
+def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple[np.float32, np.float32]:
     """Slope of the water along x and y; waves shorter than two footprints [m] of a pixel fade."""
     sx, sy = np.float32(0.0), np.float32(0.0)
     for n in range(ripples.shape[0]):
@@ -131,7 +131,7 @@ def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple
         steep = ripples[n, 2] * min(fade, np.float32(1.0)) * np.cos(kx * x + ky * y + ripples[n, 3]) / wave_number
         sx += steep * kx
         sy += steep * ky
-    return sx, sy  # type: ignore[return-value]
+    return sx, sy
 
 
 @inlined
