@@ -24,7 +24,8 @@ from fieldtruth.exporters.video_frames import VideoFrames
 _ENCODER: Final = "libx264"
 _TICKS: Final = 90_000
 """Per second, of MP4's stamps."""
-_QUALITY: Final = {"crf": "23", "preset": "medium", "threads": "2"}
+_QUALITY: Final = {"crf": "23", "preset": "medium", "threads": "2", "x264-params": "mbtree=0"}
+"""With AVX-512, x264 with its tree of macroblocks gives other bytes each time, for the same frames."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
