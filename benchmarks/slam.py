@@ -13,6 +13,7 @@ the stamp of the end. A scan that is not deskewed has no time of its own; it is 
 """
 
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -154,7 +155,7 @@ def errors(run: Path, estimate: Path, later_s: float) -> dict[str, float]:
 
 
 def compared(truth: PoseTrajectory3D, estimate: PoseTrajectory3D) -> dict[str, float]:
-    """Errors of positions after a rigid alignment, and of motions over 1 m and 5 m."""
+    """Errors of positions after a rigid alignment, and of motions over 1 m and 5 m; NaN on a shorter path."""
     estimate.align(truth)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, estimate))
@@ -163,9 +164,12 @@ def compared(truth: PoseTrajectory3D, estimate: PoseTrajectory3D) -> dict[str, f
     relations = {"m": metrics.PoseRelation.translation_part, "deg": metrics.PoseRelation.rotation_angle_deg}
     for metres in (1.0, 5.0):
         for unit, relation in relations.items():
-            rpe = metrics.RPE(relation, metres, Unit.meters, all_pairs=True)
-            rpe.process_data((truth, estimate))
-            row[f"RPE {metres:g} m, {unit}"] = rpe.get_statistic(metrics.StatisticsType.rmse)
+            key = f"RPE {metres:g} m, {unit}"
+            row[key] = math.nan
+            if min(truth.path_length, estimate.path_length) > 1.2 * metres:  # without a pair, evo raises
+                rpe = metrics.RPE(relation, metres, Unit.meters, all_pairs=True)
+                rpe.process_data((truth, estimate))
+                row[key] = rpe.get_statistic(metrics.StatisticsType.rmse)
     return row
 
 
