@@ -18,7 +18,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, validated
 from fieldtruth.record.streams import series_along
 from fieldtruth.sensors.known import new_sensors
-from fieldtruth.simulation.stepped import Driven, Simulation, sensor_world_of
+from fieldtruth.simulation.stepped import Driven, Simulation
 
 SECONDS: Final = 1.5
 UP: Final = {"xyz": [0.3, 0.0, 0.9]}
@@ -44,7 +44,7 @@ def experiment_with(count: int, environment: str) -> Experiment:
 
 def reading_of(driven: Driven, name: str) -> Callable[[], object]:
     """Return the function that makes a reading of a sensor in the middle of a drive."""
-    made, world = driven.experiment, sensor_world_of(driven.experiment, driven.world, moving=driven.moving)
+    made, world = driven.experiment, driven.sensor_world
     config = next(each for each in made.rig.in_order() if each.name == name)
     sensor = new_sensors(world)[name]
     if sensor.needs_light:

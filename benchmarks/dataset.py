@@ -15,7 +15,8 @@ from time import process_time
 import numpy as np
 
 from fieldtruth.bag import reader
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset
+from fieldtruth.datasets import RunDataset
+from fieldtruth.datasets.items import GEOMETRY, ITEMS
 
 SETS = (
     ("image",),

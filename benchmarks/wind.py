@@ -21,6 +21,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.render.bake import bake
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -66,7 +67,7 @@ def main() -> None:
         world = load_world(environment, 1)
         leaning = leaning_of(BLOWING, world, 1)
         assert leaning is not None
-        scenes = Scene(world), Scene(world, leaning=leaning)
+        scenes = Scene(world), Scene(world, Moving(leaning=leaning))
         for name in options.readings:
             reads, times = [readings_of(scene, name) for scene in scenes], [list[float](), list[float](), list[float]()]
             for number in range(options.repeats + 1):

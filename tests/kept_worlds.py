@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds, scenes, light and second tracers that tests of one process share."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final, TypeVar, cast
 
@@ -14,9 +14,7 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.kernels.columns import Faces
 from fieldtruth.render import daylight
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.leaning import Leaning
-from fieldtruth.sense.moving import MovingBody
-from fieldtruth.sense.ruts import Ruts
+from fieldtruth.sense.interval import STILL, Moving
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.build import load_world
@@ -41,27 +39,11 @@ class Kept:
     def world_of(self, e: Experiment) -> World:
         return self.load_world(e.environment, e.seed, e.layout)
 
-    def scene(
-        self,
-        world: World,
-        bodies: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-        ruts: Ruts | None = None,
-    ) -> Scene:
-        if bodies or leaning or ruts:
-            return Scene(world, bodies, leaning, ruts)
-        return self._once(("scene", id(world)), Scene, world)
+    def scene(self, world: World, moving: Moving = STILL) -> Scene:
+        return Scene(world, moving) if moving else self._once(("scene", id(world)), Scene, world)
 
-    def tracer(
-        self,
-        world: World,
-        bodies: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-        ruts: Ruts | None = None,
-    ) -> ReferenceTracer:
-        if bodies or leaning or ruts:
-            return ReferenceTracer(world, bodies, leaning, ruts)
-        return self._once(("tracer", id(world)), ReferenceTracer, world)
+    def tracer(self, world: World, moving: Moving = STILL) -> ReferenceTracer:
+        return ReferenceTracer(world, moving) if moving else self._once(("tracer", id(world)), ReferenceTracer, world)
 
     def faces_of(self, world: World) -> Faces:
         return self._once(("faces", id(world)), faces_of, world)

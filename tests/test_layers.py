@@ -27,7 +27,8 @@ PRESCRIBED: Final = {
     "sense/lens.py": {"camera_rays"},
     "exporters/amodal.py": {"camera_rays"},
     "exporters/coco.py": {"camera", "camera_matrix", "world_from_camera"},  # keys of our rows in COCO's files
-    "datasets.py": {
+    "datasets/__init__.py": {"camera", "lidar"},  # arguments
+    "datasets/items.py": {
         *("camera", "lidar", "LiDAR", "camera_stamp_ns", "lidar_stamp_ns"),
         *("world_from_camera", "world_from_lidar", "base_from_camera", "base_from_lidar"),
     },  # arguments, and keys of samples

@@ -361,7 +361,7 @@ def _sensor_world(addition: _Addition, world: World) -> SensorWorld:
     made, options = run.experiment, dict[str, Any](scene=scene)
     if made is not None and made.moving:
         world, moving = moving_in(world, run, made)
-        options = moving._asdict()
+        options = {"moving": moving}
     return SensorWorld(world, rig, config.light, config.weather, reuse=True, **options)
 
 

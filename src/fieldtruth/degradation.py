@@ -85,14 +85,8 @@ def degrade(
         def engine(simulation: Simulation, progress: Progress) -> _Degraded:
             if stored.drives:
                 made = prepare(simulation, progress)
-                return _Degraded(
-                    made.experiment,
-                    made.world,
-                    made.track,
-                    run,
-                    stored,
-                    **{key: getattr(made, key) for key in ("scene", "moving", "actors", "leans", "ruts")},
-                )
+                parts = made.experiment, made.world, made.track, run, stored
+                return _Degraded(*parts, scene=made.scene, company=made.company)
             with progress.stage("build the world"):
                 world, track = simulation.world, stored.track()
             return _Degraded(simulation.experiment, world, track, run, stored, scene=scene)

@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
+from fieldtruth.actors.cast import ActorStates
 from fieldtruth.bag import provenance
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import in_namespace, latches_objects, topics_of_run
@@ -71,6 +72,11 @@ class PreparedHere(Driven):
         return slices_key(dump_experiment(self.experiment), self.world, self.track, *others)
 
     @property
+    def actors(self) -> ActorStates | None:
+        """Motion of the actors."""
+        return None if self.company is None else self.company.actors
+
+    @property
     def latched(self) -> bool:
         """Return whether static objects are published once."""
         return latches_objects(self.experiment, len(self.world.instances))
@@ -117,8 +123,7 @@ def prepare(simulation: Simulation, progress: Progress) -> PreparedHere:
         world = simulation.world
     with progress.stage("drive", None if simulation.track_file else expected_seconds(made)) as advance:
         driven = simulation.drive(advance)
-    moved: dict[str, Any] = {key: getattr(driven, key) for key in ("moving", "actors", "leans", "ruts")}
-    return PreparedHere(made, world, driven.track, scene=driven.scene, **moved)
+    return PreparedHere(made, world, driven.track, scene=driven.scene, company=driven.company)
 
 
 def generate(
@@ -207,16 +212,7 @@ def _prepare_fleet(fleet: Fleet, progress: Progress) -> dict[Simulation, Prepare
     with progress.stage("drive", max(seconds)) as advance:
         driven = fleet.drive(advance)
     return {
-        fleet.robots[name]: PreparedHere(
-            each.experiment,
-            world,
-            each.track,
-            moving=each.moving,
-            robots=each.robots,
-            actors=each.actors,
-            leans=each.leans,
-            ruts=each.ruts,
-        )
+        fleet.robots[name]: PreparedHere(each.experiment, world, each.track, company=each.company, robots=each.robots)
         for name, each in driven.items()
     }
 

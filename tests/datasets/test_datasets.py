@@ -17,7 +17,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation, Slerp
 
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample
+from fieldtruth.datasets import RunDataset
+from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample
 
 LACKING = ("normals", "flow", "parts", "part_mask", "passability", "passability_mask")
 """Items that the small run does not have."""

@@ -21,7 +21,8 @@ from fieldtruth.bag import reader
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.readings import cloud_of
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, Meaning, RunDataset, Sample, collate
+from fieldtruth.datasets import RunDataset, collate
+from fieldtruth.datasets.items import GEOMETRY, ITEMS, Meaning, Sample
 from fieldtruth.ontology import label_map_of
 
 LACKING = ("normals", "flow", "parts", "part_mask", "passability", "passability_mask")

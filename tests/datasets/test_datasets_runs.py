@@ -14,7 +14,8 @@ import pytest
 from dataset_bags import equal
 
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, bags_in, collate, open_runs, split
+from fieldtruth.datasets import RunDataset, Runs, bags_in, collate, open_runs, split
+from fieldtruth.datasets.items import GEOMETRY, ITEMS
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
 RAGGED = ("cloud", "labels", "instances", "moving", "rays", "reflectivity")

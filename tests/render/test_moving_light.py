@@ -17,6 +17,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
@@ -55,7 +56,7 @@ def config(**signal: Any) -> CameraConfig:
 
 @pytest.fixture(scope="module")
 def meadow() -> BakedScene:
-    return bake(Scene(make_world(side=24.0), [crate(1.5, (2, 1, 0))]), NORTH)
+    return bake(Scene(make_world(side=24.0), Moving([crate(1.5, (2, 1, 0))])), NORTH)
 
 
 def meets_crate(points: F8, towards: F8, centre: F8, margin: float) -> NDArray[np.bool_]:
@@ -96,7 +97,7 @@ def test_the_side_of_a_body_towards_the_sun_is_brighter_and_a_roof_above_it_take
     low = crate(0.5, (0, 0, 0))
     found = []
     for bodies in ([low], [low, roof]):
-        baked = bake(Scene(world, bodies), NORTH)
+        baked = bake(Scene(world, Moving(bodies)), NORTH)
         for turn in (0.0, 180.0):
             camera = IdealCamera(config(), baked)
             away = -5.0 if turn == 0.0 else 5.0
@@ -117,7 +118,7 @@ def test_a_body_is_as_open_to_the_light_below_its_origin_as_above(meadow: BakedS
 def backlit() -> BakedScene:
     """A black post that moves to the left with 5 m/s, 4.8 m before the camera, before an evenly bright sky."""
     post = crate(3.0, (0, 5, 0), (0.2, 0.3, 3.0))
-    baked = bake(Scene(make_world(side=60.0), [post]))
+    baked = bake(Scene(make_world(side=60.0), Moving([post])))
     light, none = baked.shading.light, np.zeros(3, np.float32)
     dome = light.dome._replace(rgb=np.full_like(light.dome.rgb, 0.1), mean=none, horizon=none)
     dark = light._replace(dome=dome, sun_rgb=none, disc=none, volume=np.zeros_like(light.volume))

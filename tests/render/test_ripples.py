@@ -16,6 +16,7 @@ from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
 from fieldtruth.kernels.shading import new_secondary_batch, water_rays
 from fieldtruth.render.bake import bake
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.ripples import Ripples
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.wind import leaning_of
@@ -95,7 +96,7 @@ def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_win
     pose = transforms.pose((-4, 0, 1.0), (0, 15, 0)) @ OPTICAL
     photos = []
     for wind in (WindConfig(speed_m_s=8.0), None):
-        baked = bake(Scene(world, leaning=leaning_of(wind, world, 1)))
+        baked = bake(Scene(world, Moving(leaning=leaning_of(wind, world, 1))))
         photos.append([IdealCamera(config, baked).render(pose, stamp_ns=STAMP + k).photo for k in (0, 0, 50_000_000)])
     for (first, again, later), differs in zip(photos, (True, False), strict=True):
         np.testing.assert_array_equal(first, again)

@@ -13,6 +13,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.lidar import Scan
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, bunches_of, plants_of
 from fieldtruth.sense.moving import MovingBody
 from fieldtruth.sense.scene import Scene
@@ -79,7 +80,7 @@ def leaning(world: World, sign: float = 1.0, every: int = 1) -> Leaning:
 
 @pytest.fixture(scope="module")
 def scene(world: World) -> Scene:
-    return Scene(world, leaning=leaning(world))
+    return Scene(world, Moving(leaning=leaning(world)))
 
 
 def test_a_clump_is_bunches_of_whole_tufts_and_anything_else_is_whole(world: World) -> None:
@@ -109,7 +110,7 @@ def test_a_plant_that_leans_towards_x_turns_about_y(world: World) -> None:
 
 
 def test_without_any_lean_all_sensors_see_the_still_world(world: World) -> None:
-    still, upright = Scene(world), Scene(world, leaning=leaning(world, 0.0, 2))
+    still, upright = Scene(world), Scene(world, Moving(leaning=leaning(world, 0.0, 2)))
     config = CameraConfig(width=96, height=64, normals=True)
     pose = transforms.pose((0.0, 1.0, 1.0), (0, 5, 0)) @ OPTICAL
     for turn in (0, 180):
@@ -200,7 +201,8 @@ def test_the_second_tracer_sees_the_same_plants_and_bodies_in_a_spinning_scan(wo
         mesh=box("crate", (0.5, 0.3, 0.6), "wood"),
         pose=lambda stamps: np.stack([at(-2.5, 3.0 * (t - STAMP) / 1e9, 1.0) for t in stamps.tolist()]),
     )
-    scene = Scene(world, [crate], leaning(world, every=2))
+    moving, again = (Moving([crate], leaning(world, every=2)) for _ in range(2))
+    scene = Scene(world, moving)
     poses = driven(SPINNING.columns)
     scan = IdealLidar(SPINNING, scene).scan(poses, STAMP)
     assert {1, HEDGE, CLUMP, POST, 9} == set(scan.instance.tolist())
@@ -210,15 +212,15 @@ def test_the_second_tracer_sees_the_same_plants_and_bodies_in_a_spinning_scan(wo
     )
     own = Scan._make(values[chosen] if len(values) else values for values in scan)
     stamps = STAMP + own.t_ns.astype(np.int64)
-    range_m, instance = traced_again(ReferenceTracer(world, [crate], leaning(world, every=2)), own, poses, stamps)
+    range_m, instance = traced_again(ReferenceTracer(world, again), own, poses, stamps)
     sure = instance == own.instance
     assert sure.mean() > 0.98  # the others graze an edge
     assert (np.abs(range_m - own.range_m)[sure] < 1e-4).mean() > 0.99
     grass = own.instance == CLUMP
     for wrong in (leaning(world, -1.0, 2), leaning(world), None):
-        other, ids = traced_again(ReferenceTracer(world, [crate], wrong), own, poses, stamps)
+        other, ids = traced_again(ReferenceTracer(world, Moving([crate], wrong)), own, poses, stamps)
         assert ((np.abs(other - own.range_m) > 0.01) | (ids != own.instance))[grass].mean() > 0.3
-    other, _ = traced_again(ReferenceTracer(world, [crate], leaning(world, every=2)), own, poses, stamps + 50_000_000)
+    other, _ = traced_again(ReferenceTracer(world, again), own, poses, stamps + 50_000_000)
     assert np.median(np.abs(other - own.range_m)[own.instance == HEDGE]) > 0.01
 
 

@@ -18,6 +18,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.lidar import Scan
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.moving import KNOT_NS, MovingBody
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -75,7 +76,7 @@ SPINNING = LidarConfig(columns=512, rings=32, max_range=30.0, firing_offsets_ns=
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return Scene(make_world([(box("post", (0.2, 0.2, 2.0)), at(3, 0, 0))]), [BALL_BODY, BOX_BODY])
+    return Scene(make_world([(box("post", (0.2, 0.2, 2.0)), at(3, 0, 0))]), Moving([BALL_BODY, BOX_BODY]))
 
 
 def traced_again(scene: Scene, scan: Scan, poses: F8, stamps: NDArray[np.int64]) -> tuple[F8, NDArray[np.int64]]:
@@ -85,7 +86,7 @@ def traced_again(scene: Scene, scan: Scan, poses: F8, stamps: NDArray[np.int64])
     own = poses[rows] + share[:, None, None] * (poses[rows + 1] - poses[rows])
     ahead = np.einsum("nij,nj->ni", own[:, :3, :3], ray_directions(SPINNING)[scan.column, scan.ring])
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    tracer = ReferenceTracer(scene.world, [each.body for each in scene.moving])
+    tracer = ReferenceTracer(scene.world, Moving([each.body for each in scene.moving]))
     hits = tracer.hits(own[:, :3, 3], ahead, np.full(len(rows), 30.0), stamps)
     inside = np.flatnonzero(hits.margin > -1e-5)
     first = inside[np.unique(hits.ray[inside], return_index=True)[1]]
@@ -115,7 +116,7 @@ def test_points_of_a_spinning_lidar_are_where_bodies_are_at_each_rays_own_instan
 
 def test_ranges_of_a_ball_on_a_circular_track_match_the_closed_form() -> None:
     ball = body("ball", BALL_ID, circling(0.0, 0.0))
-    scan = IdealLidar(SPINNING, Scene(make_world(height=-900.0), [ball])).scan(
+    scan = IdealLidar(SPINNING, Scene(make_world(height=-900.0), Moving([ball]))).scan(
         np.tile(at(0, 0, 1.0), (SPINNING.columns + 1, 1, 1)), STAMP
     )
     ahead = ray_directions(SPINNING)[scan.column, scan.ring]
@@ -141,7 +142,9 @@ def test_a_body_at_rest_is_seen_as_an_object_of_the_world() -> None:
     """Class, id, depth, normal and brightness: of the same mesh, turned, as an object and as a body."""
     pose, mesh = transforms.pose((5.0, 0.4, 1.0), (20, -10, 35)), box("crate", (0.8, 0.4, 1.0), "wood")
     still = Scene(make_world([(mesh, pose)]))
-    moving = Scene(make_world(), [MovingBody(name="crate", object_id=2, mesh=mesh, pose=gliding(pose, (0, 0, 0)))])
+    moving = Scene(
+        make_world(), Moving([MovingBody(name="crate", object_id=2, mesh=mesh, pose=gliding(pose, (0, 0, 0)))])
+    )
     eye = at(0, 0, 1.0) @ OPTICAL
     images = [camera_of(each).label(eye, stamp_ns=STAMP) for each in (still, moving)]
     assert np.count_nonzero(images[1].instance == 2) > 500
@@ -160,7 +163,7 @@ def test_a_body_at_rest_is_seen_as_an_object_of_the_world() -> None:
 def test_labels_and_depth_of_a_camera_are_those_of_its_stamp() -> None:
     """A box whose face comes closer with 3 m/s, from 8 m at STAMP."""
     crate = body("crate", BOX_ID, gliding(at(8.8, 0, 1.0), (-3, 0, 0)))
-    camera = camera_of(Scene(make_world(), [crate]))
+    camera = camera_of(Scene(make_world(), Moving([crate])))
     for since in (0, 100_000_000, 454_321_000):
         images = camera.label(at(0, 0, 1.0) @ OPTICAL, stamp_ns=STAMP + since)
         own = images.instance == BOX_ID
@@ -174,7 +177,7 @@ def test_labels_and_depth_of_a_camera_are_those_of_its_stamp() -> None:
 def test_flow_of_a_body_has_its_own_motion() -> None:
     """A box at 4 m that glides to the left with 2 m/s, before ground that stands still."""
     crate = body("crate", BOX_ID, gliding(at(4.8, 0, 1.0), (0, 2, 0)))
-    camera = camera_of(Scene(make_world(), [crate]))
+    camera = camera_of(Scene(make_world(), Moving([crate])))
     eye, stamps = at(0, 0, 1.0) @ OPTICAL, (STAMP, STAMP + 40_000_000)
     images = camera.label(eye, stamp_ns=stamps[0])
     flow = camera.flow(images, eye, eye, None, stamps)
@@ -189,7 +192,7 @@ def test_flow_of_a_body_has_its_own_motion() -> None:
 
 
 def test_flow_of_a_turning_body_carries_each_pixel_to_the_same_triangle() -> None:
-    camera = camera_of(Scene(make_world(), [BOX_BODY]))
+    camera = camera_of(Scene(make_world(), Moving([BOX_BODY])))
     stamps = STAMP, STAMP + 33_000_000
     eye = transforms.pose(tuple(2.0 * BOX_BODY.at([STAMP])[0, :3, 3] / RADIUS * [1, 1, 0] + [0, 0, 1]), (0, 0, 0))
     ahead = BOX_BODY.at([STAMP])[0, :3, 3] - eye[:3, 3]
@@ -226,7 +229,7 @@ def test_bodies_beyond_the_range_are_not_seen_and_change_nothing() -> None:
     far = body("ball", BALL_ID, gliding(at(45, 0, 1.0), (0, 0, 0)))
     config = SPINNING.model_copy(update={"max_range": 12.0})
     plain = IdealLidar(config, Scene(make_world())).scan(at(0, 0, 1.2), STAMP)
-    seen = IdealLidar(config, Scene(make_world(), [far])).scan(at(0, 0, 1.2), STAMP)
+    seen = IdealLidar(config, Scene(make_world(), Moving([far]))).scan(at(0, 0, 1.2), STAMP)
     for one, other in zip(plain, seen, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -234,11 +237,11 @@ def test_bodies_beyond_the_range_are_not_seen_and_change_nothing() -> None:
 def test_what_bodies_cannot_be_is_refused_in_one_line() -> None:
     world = make_world([(box("post", (0.2, 0.2, 2.0)), at(3, 0, 0))])
     with pytest.raises(ConfigurationError, match="another mesh has the name 'post'"):
-        Scene(world, [replace(BOX_BODY, mesh=box("post", (1, 1, 1)))])
+        Scene(world, Moving([replace(BOX_BODY, mesh=box("post", (1, 1, 1)))]))
     with pytest.raises(ConfigurationError, match="the world has no material 'gold'"):
-        Scene(world, [replace(BOX_BODY, mesh=box("other", (1, 1, 1), "gold"))])
+        Scene(world, Moving([replace(BOX_BODY, mesh=box("other", (1, 1, 1), "gold"))]))
     with pytest.raises(ConfigurationError, match="'leaf' is of leaves or water"):
-        Scene(world, [replace(BOX_BODY, mesh=box("other", (1, 1, 1), "leaf"))])
+        Scene(world, Moving([replace(BOX_BODY, mesh=box("other", (1, 1, 1), "leaf"))]))
     slow = LidarConfig(columns=64, rings=4, rate_hz=0.5)
     with pytest.raises(ConfigurationError, match=r"at most 1\.27 s"):
-        IdealLidar(slow, Scene(world, [BOX_BODY])).scan(np.tile(at(0, 0, 1.0), (65, 1, 1)), STAMP)
+        IdealLidar(slow, Scene(world, Moving([BOX_BODY]))).scan(np.tile(at(0, 0, 1.0), (65, 1, 1)), STAMP)

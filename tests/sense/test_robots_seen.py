@@ -11,6 +11,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.track import standing_at
 from fieldtruth.experiment.rig import Rig, body_parts
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.robots import robot_body, robot_mesh, with_robots
 from fieldtruth.sense.scene import Scene
@@ -38,7 +39,7 @@ def test_robots_have_the_ids_behind_all_objects(world: World) -> None:
 
 def test_points_lie_on_boxes_and_wheels_of_the_robot(world: World) -> None:
     """Ranges are those of the exact boxes and cylinders, as the robot's own sensors meet them."""
-    scene = Scene(world, [robot_body(world, "follower", RIG, standing_at(ROBOT_POSE))])
+    scene = Scene(world, Moving([robot_body(world, "follower", RIG, standing_at(ROBOT_POSE))]))
     config = LidarConfig(columns=2048, rings=64, max_range=30.0)
     eye = at(0, 0, 0.6)
     scan = IdealLidar(config, scene).scan(eye, 0)

@@ -16,6 +16,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.soil import RutSoil
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, Leaning, plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.ruts import Ruts, Wheeled
@@ -70,7 +71,7 @@ def plain(seed: int | None = None) -> World:
 def _scene() -> Scene:
     """A robot drove from -1 m to 1 m, on a plane at height 0."""
     world = plain()
-    return Scene(world, ruts=ruts_in(world, driven(2.0)))
+    return Scene(world, Moving(ruts=ruts_in(world, driven(2.0))))
 
 
 def below(scene: Scene, x: float, y: float, stamp_ns: int = LATE) -> float:
@@ -96,7 +97,7 @@ def test_the_depth_is_that_of_the_soil_law_by_hand() -> None:
     found = RutSoil(world, RIG.robot, {"trodden_earth": "sand"})(np.zeros(3), np.arange(3.0))
     assert found == pytest.approx(np.tile([depth, 0.532], (3, 1)), rel=1e-6)
     assert 0.02 < depth < 0.03
-    scene = Scene(world, ruts=ruts_in(world, driven(2.0), RutSoil(world, RIG.robot, {"trodden_earth": "sand"})))
+    scene = Scene(world, Moving(ruts=ruts_in(world, driven(2.0), RutSoil(world, RIG.robot, {"trodden_earth": "sand"}))))
     assert below(scene, 0.0, HALF_TRACK) == pytest.approx(-depth, abs=1e-5)
     assert below(scene, 0.0, 0.0) == pytest.approx(0.0, abs=1e-5)
     with pytest.raises(ConfigurationError, match="no ground type 'mud'"):
@@ -174,7 +175,7 @@ def test_the_second_tracer_meets_the_same_ground_while_it_changes() -> None:
     pose = transforms.pose((0.8, 0.1, 0.5), (3.0, 2.0, 10.0))
     poses = np.tile(pose, (257, 1, 1))
     stamp = 870_000_000
-    lidar = IdealLidar(config, Scene(world, ruts=ruts))
+    lidar = IdealLidar(config, Scene(world, Moving(ruts=ruts)))
     lidar.scan(poses, stamp)
     range_m = lidar._echoes.true_range
     rows = np.argwhere(range_m > 0)
@@ -184,9 +185,9 @@ def test_the_second_tracer_meets_the_same_ground_while_it_changes() -> None:
     origins = np.tile(pose[:3, 3], (len(chosen), 1))
     limit = np.full(len(chosen), 20.0)
     for tracer, equal in (
-        (ReferenceTracer(world, ruts=ruts), True),
+        (ReferenceTracer(world, Moving(ruts=ruts)), True),
         (ReferenceTracer(world), False),
-        (ReferenceTracer(world, ruts=ruts_in(world, driven(2.0, y=0.05))), False),
+        (ReferenceTracer(world, Moving(ruts=ruts_in(world, driven(2.0, y=0.05)))), False),
     ):
         hits = tracer.hits(origins, directions, limit, stamps)
         first = np.flatnonzero(np.diff(hits.ray, prepend=-1))
@@ -204,8 +205,8 @@ def test_bodies_plants_and_ruts_are_met_in_one_scan() -> None:
         name="crate", object_id=9, mesh=box("crate", (0.2, 0.2, 0.2)), pose=lambda t: gliding(poses[0], t)
     )
     plants = plants_of(world)
-    moving = [body], Leaning(plants, [Rocking(np.arange(len(plants.top)))]), ruts_in(world, driven(2.0))
-    scene, stamp = Scene(world, *moving), 1_530_000_000
+    moving = Moving([body], Leaning(plants, [Rocking(np.arange(len(plants.top)))]), ruts_in(world, driven(2.0)))
+    scene, stamp = Scene(world, moving), 1_530_000_000
     config = LidarConfig(columns=512, rings=64, max_range=8.0, spinning=True)
     pose = transforms.pose((-1.2, 0.1, 0.8), (0.0, 20.0, 0.0))
     scan = IdealLidar(config, scene).scan(np.tile(pose, (513, 1, 1)), stamp)
@@ -216,8 +217,8 @@ def test_bodies_plants_and_ruts_are_met_in_one_scan() -> None:
     stamps = stamp + np.broadcast_to(ray_times_ns(config), (512, 64))[scan.column, scan.ring]
     chosen = np.random.default_rng(0).choice(len(scan.xyz), 1500, replace=False)
     origins, limit = np.tile(pose[:3, 3], (len(chosen), 1)), np.full(len(chosen), 8.0)
-    for known, equal in ((moving, True), ((*moving[:2], None), False), (([], *moving[1:]), False)):
-        hits = ReferenceTracer(world, *known).hits(origins, directions[chosen], limit, stamps[chosen])
+    for known, equal in ((moving, True), (replace(moving, ruts=None), False), (replace(moving, bodies=()), False)):
+        hits = ReferenceTracer(world, known).hits(origins, directions[chosen], limit, stamps[chosen])
         first = np.flatnonzero(np.diff(hits.ray, prepend=-1))
         error = np.full(len(chosen), np.inf)
         found = np.linalg.norm(scan.xyz[chosen].astype(float), axis=1)[hits.ray[first]]
@@ -232,7 +233,7 @@ def test_ground_that_does_not_yield_is_the_same_without_a_gap() -> None:
     config = CameraConfig(width=1280, height=720, depth=True)
     pose = transforms.pose((-2.5, 0.2, 0.6), (0.0, 20.0, 5.0)) @ OPTICAL
     fine, coarse = (
-        LabelCamera(config, each).label(pose, stamp_ns=LATE) for each in (Scene(world, ruts=hard), Scene(world))
+        LabelCamera(config, each).label(pose, stamp_ns=LATE) for each in (Scene(world, Moving(ruts=hard)), Scene(world))
     )
     near = coarse.depth < 6.0
     assert np.array_equal(fine.label == Label.GROUND, coarse.label == Label.GROUND)

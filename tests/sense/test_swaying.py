@@ -15,6 +15,7 @@ from fieldtruth.kernels import packets
 from fieldtruth.kernels.packets import LANES
 from fieldtruth.sense import embree
 from fieldtruth.sense.embree import Engine, RayScene, native_packet
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
@@ -76,7 +77,7 @@ def test_a_spinning_scan_has_the_ranges_of_embrees_own_motion(
     scans = []
     for lanes in (LANES, 1):
         monkeypatch.setattr(embree, "native_packet", lambda lanes=lanes: lanes)
-        lidar = IdealLidar(SPINNING, Scene(world, leaning=leaning(world)))
+        lidar = IdealLidar(SPINNING, Scene(world, Moving(leaning=leaning(world))))
         lidar.scan(driven(SPINNING.columns), STAMP)
         scans.append(lidar._echoes.depth[0].copy())
     assert (np.abs(scans[0] - scans[1]) < 1e-4).mean() > 0.999

@@ -18,17 +18,8 @@ from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.air import rain, snow
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
-from fieldtruth.sensors.camera.sensing import (
-    APERTURE,
-    Camera,
-    CameraImages,
-    Particles,
-    drops_at,
-    dust_of,
-    fall_speed,
-    particles_of,
-    streak_of,
-)
+from fieldtruth.sensors.camera.drops import APERTURE, Particles, drops_at, dust_of, fall_speed, particles_of, streak_of
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 pytestmark = pytest.mark.usefixtures("small_sky")
 

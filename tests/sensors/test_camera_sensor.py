@@ -14,8 +14,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.kernels.camera import interpolate
 from fieldtruth.sensors.camera.config import CameraConfig, CameraSignal
-from fieldtruth.sensors.camera.photo import Developer, encoded, sensor_of
-from fieldtruth.sensors.camera.sensing import (
+from fieldtruth.sensors.camera.exposure import (
     METERINGS,
     daylight,
     exposure_of,
@@ -23,6 +22,7 @@ from fieldtruth.sensors.camera.sensing import (
     metering_lags,
     white_balance,
 )
+from fieldtruth.sensors.camera.photo import Developer, encoded, sensor_of
 
 SIZE = 256
 CONFIG = CameraConfig(width=SIZE, height=SIZE, horizontal_fov_deg=60.0, vertical_fov_deg=50.0)

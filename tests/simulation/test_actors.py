@@ -95,7 +95,7 @@ def test_another_process_finds_the_actors_of_a_drive(world: World) -> None:
     one.drive()
     other.know(pickle.loads(pickle.dumps(one.known())))
     stamps = np.arange(0, 400_000_000, 5_000_000)
-    bodies = list(zip(one.bodies(""), other.bodies(""), strict=True))
+    bodies = list(zip(one.moving("").bodies, other.moving("").bodies, strict=True))
     assert all(np.array_equal(body.at(stamps), again.at(stamps)) for body, again in bodies)
     assert any(np.ptp(body.at(stamps)[:, 1, 3]) > 0.3 for body, _ in bodies)
 

@@ -141,6 +141,30 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
     return rewritten(run, target, change, whole.model_copy(update=seconds))
 
 
+def messages_in(run: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Stamp in the bag [ns] and bytes of each message, by topic."""
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with open_bag(bag_in(run)) as bag:
+        for raw in bag.messages():
+            found.setdefault(raw.topic, []).append((raw.stamp_ns, raw.data))
+    return found
+
+
+def clouds_in(run: Path) -> list[NDArray[np.void]]:
+    return [read.points(each.message) for each in read.read_bag(bag_in(run), [POINTS])]
+
+
+def checks_of(run: Path, target: Path, topic: str, change: Callable[[Any], bytes]) -> dict[str, Check]:
+    """Checks, by name, of a run of which the first message of a topic is changed."""
+
+    def of_message(raw: RawMessage, k: int) -> RawMessage:
+        if raw.topic != topic or k:
+            return raw
+        return raw._replace(data=change(ros.STORE.deserialize_ros1(raw.data, raw.msgtype)))
+
+    return {check.name: check for check in validate(rewritten(run, target, of_message), samples=3)}
+
+
 def edited(edits: Edits) -> Callable[[RawMessage, int], RawMessage]:
     """Edit the bytes of some messages."""
 

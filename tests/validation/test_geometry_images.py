@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from changed_bags import rewritten
+from changed_bags import bag_in, messages_in, rewritten
 from numpy.typing import NDArray
 from small_park import in_small_park
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import RawMessage, open_bag
+from fieldtruth.bag.messages import STORE
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import ConfigurationError
@@ -55,22 +56,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
-def messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
-    found: dict[str, list[tuple[int, bytes]]] = {}
-    with open_bag(next(folder.glob("*.bag"))) as bag:
-        for each in bag.messages():
-            found.setdefault(each.topic, []).append((each.stamp_ns, each.data))
-    return found
-
-
 def images(folder: Path, part: str) -> dict[int, Any]:
     """Messages of the left camera by their stamp in the bag [ns]."""
-    return {each.stamp_ns: each.message for each in read.read_bag(next(folder.glob("*.bag")), [f"{LEFT}/{part}"])}
+    return {each.stamp_ns: each.message for each in read.read_bag(bag_in(folder), [f"{LEFT}/{part}"])}
 
 
 def test_bytes_depend_neither_on_workers_nor_on_the_extras(runs: dict[str, Path]) -> None:
-    one, two, plain = (messages(runs[name]) for name in ("one", "two", "plain"))
-    assert next(runs["one"].glob("*.bag")).read_bytes() == next(runs["two"].glob("*.bag")).read_bytes()
+    one, two, plain = (messages_in(runs[name]) for name in ("one", "two", "plain"))
+    assert bag_in(runs["one"]).read_bytes() == bag_in(runs["two"]).read_bytes()
     assert one == two
     assert {topic: one[topic] for topic in plain} == plain
     sides = ("left", "right")
@@ -137,7 +130,7 @@ def test_validate_passes_and_finds_wrong_normals_and_flow(runs: dict[str, Path],
         def of_message(raw: RawMessage, k: int) -> RawMessage:
             if raw.topic != f"{LEFT}/{part}":
                 return raw
-            message = read_one(raw)
+            message: Any = STORE.deserialize_ros1(raw.data, raw.msgtype)
             pixels = change(getattr(read, part)(message).copy())
             data = getattr(write, part)(k, read.stamp_ns(message.header), message.header.frame_id, pixels)
             return raw._replace(data=data)
@@ -147,12 +140,6 @@ def test_validate_passes_and_finds_wrong_normals_and_flow(runs: dict[str, Path],
 
     assert changed("normals", lambda pixels: -pixels)["normals"].passed is False
     assert changed("flow", lambda pixels: 1.5 * pixels)["optical flow"].passed is False
-
-
-def read_one(raw: RawMessage) -> Any:
-    from fieldtruth.bag.messages import STORE
-
-    return STORE.deserialize_ros1(raw.data, raw.msgtype)
 
 
 def test_frames_have_no_next_image() -> None:

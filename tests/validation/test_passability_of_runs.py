@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs with passability: from bag to data set and files, all else as without; `validate` finds a flipped value."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,11 @@ import numpy as np
 import PIL.Image
 import pyarrow.parquet as pq
 import pytest
-from changed_bags import POINTS, rewritten
-from numpy.typing import NDArray
+from changed_bags import POINTS, bag_in, checks_of, clouds_in, messages_in
 from small_park import in_small_park, small_park
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.messages import STORE
-from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import RunDataset
@@ -29,7 +26,6 @@ from fieldtruth.exporters import export
 from fieldtruth.interchange.inventory import COLUMNS, inventory_rows, named_objects, swarm_members
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.camera import sensor as write
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
 pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
@@ -50,23 +46,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: generate(made, tmp_path_factory.mktemp(name), workers=1).parent for name, made in given.items()}
 
 
-def messages(folder: Path) -> dict[str, list[bytes]]:
-    found: dict[str, list[bytes]] = {}
-    with open_bag(next(folder.glob("*.bag"))) as bag:
-        for each in bag.messages():
-            found.setdefault(each.topic, []).append(each.data)
-    return found
-
-
-def clouds(folder: Path) -> list[NDArray[np.void]]:
-    return [read.points(each.message) for each in read.read_bag(next(folder.glob("*.bag")), [POINTS])]
-
-
 def test_all_else_is_as_without(runs: dict[str, Path]) -> None:
-    passing, plain = messages(runs["passing"]), messages(runs["plain"])
+    passing, plain = messages_in(runs["passing"]), messages_in(runs["plain"])
     assert passing.keys() - plain.keys() == {LEFT, LEFT.replace("left", "right")}
     assert all(passing[topic] == plain[topic] for topic in plain if topic != POINTS)
-    for own, without in zip(clouds(runs["passing"]), clouds(runs["plain"]), strict=True):
+    for own, without in zip(clouds_in(runs["passing"]), clouds_in(runs["plain"]), strict=True):
         names = without.dtype.names or ()
         assert (own.dtype.names or ()) == (*names, "passability", "force")
         assert all(np.array_equal(own[name], without[name]) for name in names)
@@ -103,7 +87,7 @@ def test_the_inventory_has_the_values_of_the_sensors() -> None:
 
 def test_files_and_tables_have_them(runs: dict[str, Path], tmp_path: Path) -> None:
     files = export(runs["passing"], "files", out=tmp_path / "files")
-    images = [read.passability(each.message) for each in read.read_bag(next(runs["passing"].glob("*.bag")), [LEFT])]
+    images = [read.passability(each.message) for each in read.read_bag(bag_in(runs["passing"]), [LEFT])]
     first = min(int(path.stem) for path in (files / "passability_left").iterdir())
     shown = np.asarray(PIL.Image.open(files / "passability_left" / f"{first}.png"))
     assert np.array_equal(shown, np.rint(255 * images[0][..., 0]))
@@ -113,23 +97,9 @@ def test_files_and_tables_have_them(runs: dict[str, Path], tmp_path: Path) -> No
     assert np.array_equal(np.float32(row["passability"]), images[0].ravel())
     points = pq.read_table(next((made / "clouds").glob("*.parquet"))).select(["passability", "force"]).to_pylist()[0]
     for name, values in points.items():
-        assert np.array_equal(np.float32(values), clouds(runs["passing"])[0][name])
+        assert np.array_equal(np.float32(values), clouds_in(runs["passing"])[0][name])
     with pytest.raises(FieldtruthError, match="--extras passability"):
         _ = RunDataset(runs["plain"], items=("passability",))[0]
-
-
-def changed(run: Path, folder: Path, topic: str, change: Callable[[Any], bytes]) -> dict[str, Check]:
-    """Return checks of a run of which the first message of a topic is changed."""
-    seen = set[str]()
-
-    def of_message(raw: RawMessage, k: int) -> RawMessage:
-        if raw.topic != topic or raw.topic in seen:
-            return raw
-        seen.add(raw.topic)
-        return raw._replace(data=change(STORE.deserialize_ros1(raw.data, raw.msgtype)))
-
-    wrong = rewritten(run, folder, of_message)
-    return {check.name: check for check in validate(wrong, samples=3)}
 
 
 def test_validate_passes_and_finds_a_flipped_value(runs: dict[str, Path], tmp_path: Path) -> None:
@@ -142,7 +112,7 @@ def test_validate_passes_and_finds_a_flipped_value(runs: dict[str, Path], tmp_pa
         changed = replace(message, data=points.view(np.uint8))
         return bytes(STORE.serialize_ros1(changed, "sensor_msgs/msg/PointCloud2"))
 
-    check = changed(runs["passing"], tmp_path / "point", POINTS, point)["retraced clouds"]
+    check = checks_of(runs["passing"], tmp_path / "point", POINTS, point)["retraced clouds"]
     assert check.passed is False
     assert "passability 0.5 and 0 N, of object 1" in str(check)
 
@@ -152,6 +122,6 @@ def test_validate_passes_and_finds_a_flipped_value(runs: dict[str, Path], tmp_pa
         passing[row, column, 1] = 1000.0
         return write.passability(0, read.stamp_ns(message.header), message.header.frame_id, passing)
 
-    check = changed(runs["passing"], tmp_path / "pixel", LEFT, pixel)["retraced images"]
+    check = checks_of(runs["passing"], tmp_path / "pixel", LEFT, pixel)["retraced images"]
     assert check.passed is False
     assert "passability 0 and 1000 N" in str(check)

@@ -3,7 +3,6 @@
 """Runs with parts of plants: from bag to data set and files, all else as without; `validate` finds a flipped one."""
 
 import io
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,11 @@ import numpy as np
 import PIL.Image
 import pyarrow.parquet as pq
 import pytest
-from changed_bags import POINTS, rewritten
-from numpy.typing import NDArray
+from changed_bags import POINTS, bag_in, checks_of, clouds_in, messages_in
 from small_park import in_small_park
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.messages import STORE
-from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.core.classes import GROUND_ID, Label, PlantPart
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.config import Experiment
@@ -26,7 +23,6 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.camera import sensor as write
-from fieldtruth.validation import Check
 from fieldtruth.validation.runner import validate
 
 pytestmark = pytest.mark.usefixtures("small_sky", "in_park")
@@ -54,31 +50,19 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
-def messages(folder: Path) -> dict[str, list[bytes]]:
-    found: dict[str, list[bytes]] = {}
-    with open_bag(next(folder.glob("*.bag"))) as bag:
-        for each in bag.messages():
-            found.setdefault(each.topic, []).append(each.data)
-    return found
-
-
-def clouds(folder: Path) -> list[NDArray[np.void]]:
-    return [read.points(each.message) for each in read.read_bag(next(folder.glob("*.bag")), [POINTS])]
-
-
 def test_all_else_is_as_without(runs: dict[str, Path]) -> None:
-    one, plain = messages(runs["one"]), messages(runs["plain"])
-    assert next(runs["one"].glob("*.bag")).read_bytes() == next(runs["two"].glob("*.bag")).read_bytes()
+    one, plain = messages_in(runs["one"]), messages_in(runs["plain"])
+    assert bag_in(runs["one"]).read_bytes() == bag_in(runs["two"]).read_bytes()
     assert one.keys() - plain.keys() == {LEFT, LEFT.replace("left", "right")}
     assert {topic: one[topic] for topic in plain if topic != POINTS} == {t: plain[t] for t in plain if t != POINTS}
-    for with_parts, without in zip(clouds(runs["one"]), clouds(runs["plain"]), strict=True):
+    for with_parts, without in zip(clouds_in(runs["one"]), clouds_in(runs["plain"]), strict=True):
         names = without.dtype.names or ()
         assert (with_parts.dtype.names or ()) == (*names, "part")
         assert all(np.array_equal(with_parts[name], without[name]) for name in names)
 
 
 def test_parts_are_of_the_classes_of_plants(runs: dict[str, Path]) -> None:
-    cloud = np.concatenate([each[["label", "part", "instance"]] for each in clouds(runs["one"])])
+    cloud = np.concatenate([each[["label", "part", "instance"]] for each in clouds_in(runs["one"])])
     images = RunDataset(runs["one"], items=("mask", "part_mask", "instance_mask"))
     rows = [tuple(cloud[name] for name in ("label", "part", "instance"))]
     rows += [(each["mask"], each["part_mask"], each["instance_mask"]) for each in images]
@@ -89,7 +73,7 @@ def test_parts_are_of_the_classes_of_plants(runs: dict[str, Path]) -> None:
     assert set(part[(label == Label.TRUNK) & near]) == {PlantPart.STEM, PlantPart.BRANCH}
     assert not part[np.isin(label, (Label.BENCH, Label.TRAIL, Label.SKY, Label.LAMP_POST)) | ~near].any()
     points = RunDataset(runs["one"], items=("labels", "parts"))[0]
-    assert np.array_equal(points["parts"], clouds(runs["one"])[0]["part"])
+    assert np.array_equal(points["parts"], clouds_in(runs["one"])[0]["part"])
 
 
 def test_files_and_tables_have_them(runs: dict[str, Path], tmp_path: Path) -> None:
@@ -98,44 +82,32 @@ def test_files_and_tables_have_them(runs: dict[str, Path], tmp_path: Path) -> No
     assert "parts_right" in (files / "README.txt").read_text()
     made = export(runs["one"], "huggingface", out=tmp_path / "hf")
     (row, *_) = pq.read_table(next((made / "images").glob("*.parquet"))).select(["parts"]).to_pylist()
-    stored = next(iter(read.read_bag(next(runs["one"].glob("*.bag")), [LEFT]))).message
+    stored = next(iter(read.read_bag(bag_in(runs["one"]), [LEFT]))).message
     assert np.array_equal(np.asarray(PIL.Image.open(io.BytesIO(row["parts"]["bytes"]))), read.parts(stored))
     points = pq.read_table(next((made / "clouds").glob("*.parquet")))["part"][0].as_py()
-    assert np.array_equal(points, clouds(runs["one"])[0]["part"])
-
-
-def changed(run: Path, folder: Path, topic: str, change: Callable[[Any, int], bytes]) -> dict[str, Check]:
-    """Return checks of a run of which the first message of a topic is changed."""
-
-    def of_message(raw: RawMessage, k: int) -> RawMessage:
-        if raw.topic != topic or k:
-            return raw
-        return raw._replace(data=change(STORE.deserialize_ros1(raw.data, raw.msgtype), k))
-
-    wrong = rewritten(run, folder, of_message)
-    return {check.name: check for check in validate(wrong, samples=3)}
+    assert np.array_equal(points, clouds_in(runs["one"])[0]["part"])
 
 
 def test_validate_passes_and_finds_a_flipped_part(runs: dict[str, Path], tmp_path: Path) -> None:
     for name in ("one", "plain"):
         assert not [check for check in validate(runs[name], samples=3) if check.passed is False]
 
-    def point(message: Any, k: int) -> bytes:
+    def point(message: Any) -> bytes:
         points = read.points(message).copy()
         row = int(np.flatnonzero(points["part"] == PlantPart.STEM)[0])
         points["part"][row] = PlantPart.BRANCH
         changed = replace(message, data=points.view(np.uint8))
         return bytes(STORE.serialize_ros1(changed, "sensor_msgs/msg/PointCloud2"))
 
-    check = changed(runs["one"], tmp_path / "point", POINTS, point)["retraced clouds"]
+    check = checks_of(runs["one"], tmp_path / "point", POINTS, point)["retraced clouds"]
     assert check.passed is False
     assert "part 2, of object" in str(check)
 
-    def pixel(message: Any, k: int) -> bytes:
+    def pixel(message: Any) -> bytes:
         part = read.parts(message).copy()
         row, column = np.argwhere(part == PlantPart.LEAF)[0]
         part[row, column] = PlantPart.NONE
-        return write.parts(k, read.stamp_ns(message.header), message.header.frame_id, part)
+        return write.parts(0, read.stamp_ns(message.header), message.header.frame_id, part)
 
-    check = changed(runs["one"], tmp_path / "pixel", LEFT, pixel)["retraced images"]
+    check = checks_of(runs["one"], tmp_path / "pixel", LEFT, pixel)["retraced images"]
     assert check.passed is False

@@ -3,7 +3,6 @@
 """What moves in a run beside its own robot, as bodies for ray tracers, which are where the bag has them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,8 @@ from fieldtruth.core.transforms import wxyz_from_xyzw
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.soil import RutSoil
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, geodetic_route, metres_from_route
-from fieldtruth.sense.leaning import Leaning, plants_of
+from fieldtruth.sense.interval import Moving
+from fieldtruth.sense.leaning import plants_of
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
@@ -45,14 +45,6 @@ def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[Wor
     _fill(actors.values(), poses, joints)
     bodies = [robot_body(world, name, rig, poses[name]) for name, rig in rigs.items()]
     return world, [*bodies, *(cast.bodies() if cast else [])]
-
-
-class Moving(NamedTuple):
-    """What moves in a run: bodies, plants that lean, and ruts."""
-
-    moving: list[MovingBody]
-    leaning: Leaning | None
-    ruts: Ruts | None
 
 
 def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World, Moving]:

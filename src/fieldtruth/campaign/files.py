@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import ValidationError
-
 import fieldtruth
 from fieldtruth.campaign.config import BUILT_IN, ROUTES, Campaign, Integers, Tree, axis, entries, extremes
 from fieldtruth.campaign.draw import PlannedRun, changed_values, draw
@@ -21,7 +19,7 @@ from fieldtruth.core.registry import Registry
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import Chosen, is_environment_file, with_paths
-from fieldtruth.experiment.fields import LocatedError, Mount, configuration_error, dotted, shortened
+from fieldtruth.experiment.fields import LocatedError, Mount, dotted, shortened, validated_as
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, looks_like_path
 from fieldtruth.experiment.names import EXPERIMENTS, campaign_experiments
 from fieldtruth.experiment.rig import MODELS
@@ -97,7 +95,7 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     data |= _environments(data, path.parent)
     if "rigs" in data:
         data["rigs"] = _mounted(data["rigs"], path)
-    return _validated(data, str(path))
+    return validated_as(Campaign, data, str(path))
 
 
 def _environments(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -180,7 +178,7 @@ def with_changes(
     changes = {"runs": runs, "seconds": seconds, "extras": extras, "signal": signal, "lights": light, **switches}
     changes["seeds" if campaign.experiments else "seed"] = seed
     values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
-    return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")
+    return validated_as(Campaign, values | {key: value for key, value in changes.items() if value is not None})
 
 
 def _experiment(entry: object, file: Path) -> object:
@@ -192,13 +190,6 @@ def _experiment(entry: object, file: Path) -> object:
         return load_experiment(entry)
     except UnknownNameError:
         raise UnknownNameError("experiment", entry, EXPERIMENTS, str(file)) from None
-
-
-def _validated(data: dict[str, Any], source: str) -> Campaign:
-    try:
-        return Campaign.model_validate(data)
-    except ValidationError as report:
-        raise configuration_error(Campaign, report, source) from report
 
 
 def check_campaign(campaign: Campaign, source: str) -> None:
@@ -270,10 +261,7 @@ def _ends(key: str, tree: Tree) -> Iterator[tuple[str, Any]]:
 
 def _check_values(values: dict[str, Any], source: str) -> None:
     base = {"name": "x", "environment": "x", "route": {"random": {"length_m": 100, "seed": 0}}}
-    try:
-        Experiment.model_validate(base | values)
-    except ValidationError as report:
-        raise configuration_error(Experiment, report, source) from report
+    validated_as(Experiment, base | values, source)
 
 
 def check_folder(campaign: Campaign, runs: tuple[PlannedRun, ...], out: Path) -> None:

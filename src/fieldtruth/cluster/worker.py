@@ -28,7 +28,7 @@ from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.pipeline import PreparedHere
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.simulation.company import ALONE, Company, Known
+from fieldtruth.simulation.company import Company, Known
 from fieldtruth.simulation.motion import track_in
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
@@ -206,11 +206,9 @@ def _company(experiment: Experiment) -> tuple[World, Company | None]:
 def _prepared(text: str, moved: Moved) -> PreparedHere:
     experiment = parse_experiment(text)
     world, company = _company(experiment)
-    if company is None or moved.known is None:
-        return PreparedHere(experiment, world, moved.track)
-    company.know(moved.known)
-    options: dict[str, Any] = {"actors": company.actors, "leans": company.leans, "ruts": company.ruts}
-    return PreparedHere(experiment, world, moved.track, moving=company.bodies(ALONE), **options)
+    if company is not None and moved.known is not None:
+        company.know(moved.known)
+    return PreparedHere(experiment, world, moved.track, company=company)
 
 
 def _open(order: Order, moved: Moved) -> Slices:

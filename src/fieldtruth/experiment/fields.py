@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self, Union, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 from pydantic.fields import FieldInfo
@@ -15,6 +15,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 
+Model = TypeVar("Model", bound=BaseModel)
 UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
 TYPES: Final = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 BOUNDS: Final = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
@@ -71,6 +72,26 @@ def configuration_error(model: type[BaseModel], report: ValidationError, source:
     more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
     line = _message(problems[0])
     return ConfigurationError(f"{source}: {line}{more}" if source else f"{line}{more}")
+
+
+def validated_as(model: type[Model], values: Mapping[str, Any], source: str = "") -> Model:
+    """Return a configuration of values as in a file; ConfigurationError is as of ``configuration_error``."""
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as report:
+        raise configuration_error(model, report, source) from report
+
+
+def part(model: type[Model], value: object, *at: int | str) -> Model:
+    """Validate a value that belongs at ``at`` of the value that is validated around it.
+
+    Raises:
+        PartError: it is not allowed.
+    """
+    try:
+        return model.model_validate(value)
+    except ValidationError as report:
+        raise PartError(model, report, at) from report
 
 
 def _message(problem: _Problem) -> str:

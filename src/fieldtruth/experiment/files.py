@@ -7,14 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import ValidationError
-
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.environment_file import CENTRE, is_environment_file, with_paths
-from fieldtruth.experiment.fields import configuration_error, shortened
+from fieldtruth.experiment.fields import shortened, validated_as
 from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import MODELS, Rig
 from fieldtruth.experiment.sensor_config import SIGNAL, WORDS, SensorConfig, known_extras, with_signal_files
@@ -199,10 +197,7 @@ def looks_like_path(name: str | Path) -> bool:
 
 def validated(data: dict[str, Any], source: str) -> Experiment:
     """Return an experiment of values as in a file; ConfigurationError begins with ``source``."""
-    try:
-        return Experiment.model_validate(data)
-    except ValidationError as report:
-        raise configuration_error(Experiment, report, source) from report
+    return validated_as(Experiment, data, source)
 
 
 def check_version(written_by: object, source: str) -> None:

@@ -19,7 +19,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, Unknow
 from fieldtruth.core.readings import Reading
 from fieldtruth.experiment.catalogue import figures_of, models
 from fieldtruth.experiment.field_of_view import SensorView
-from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, shortened
+from fieldtruth.experiment.fields import Boolean, Frozen, LocatedError, Mount, part, shortened
 from fieldtruth.experiment.imaging_config import Imager, ImagingConfig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.scanning_config import ScanningConfig
@@ -30,7 +30,6 @@ from fieldtruth.experiment.sensor_config import (
     MountedConfig,
     SensorConfig,
     known_switches,
-    part,
     sensor_of,
 )
 from fieldtruth.experiment.urdf import KEY as URDF

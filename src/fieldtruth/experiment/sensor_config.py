@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
@@ -22,9 +22,9 @@ from fieldtruth.experiment.fields import (
     LocatedError,
     Mount,
     Number,
-    PartError,
     Rate,
     condition_at,
+    part,
     shortened,
 )
 from fieldtruth.experiment.robot_config import RobotConfig
@@ -173,7 +173,6 @@ def _with_file(sensor: Any, folder: Path) -> Any:
     return {**sensor, SIGNAL: parse_mapping(read_text(path), str(path))}
 
 
-_Config = TypeVar("_Config", bound=Frozen)
 SensorName = Annotated[
     str,
     Field(pattern=r"^[a-z][a-z0-9_]{0,31}$", description="a word of at most 32 lower-case letters, digits and _"),
@@ -485,17 +484,3 @@ def sensor_of(value: Any) -> SensorConfig:
     if config.needs_mount and "mount" not in value:
         raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
     return part(config, value)
-
-
-def part(config: type[_Config], value: Any, *at: str | int) -> _Config:
-    """Validate a value that belongs at ``at`` of the value that is validated around it.
-
-    Raises:
-        PartError: it is not allowed.
-    """
-    if isinstance(value, config):
-        return value
-    try:
-        return config.model_validate(value)
-    except ValidationError as report:
-        raise PartError(config, report, at) from report

@@ -21,9 +21,9 @@ from fieldtruth.kernels.camera_rays import BLOCK, RayBatch, View, new_batch, tra
 from fieldtruth.kernels.packets import MISS, IntArray, Packet, new_packet
 from fieldtruth.local_maps import world_of_run
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.leaning import WHOLE, Leaning, square
+from fieldtruth.sense.interval import STILL, Moving
+from fieldtruth.sense.leaning import WHOLE, square
 from fieldtruth.sense.lens import intrinsics_of, ray_table
-from fieldtruth.sense.moving import MovingBody
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.model import Mesh, World
 
@@ -46,30 +46,21 @@ class Silhouette(NamedTuple):
     """x, y of the upper left pixel, width, height: of these pixels."""
 
 
-def moving_world_of_run(run: Run) -> tuple[World, list[MovingBody], Leaning | None]:
-    """Return the world of a run, bodies that move in it and plants that lean; raises as ``world_of_run``."""
+def moving_world_of_run(run: Run) -> tuple[World, Moving]:
+    """Return the world of a run, and what moves in it; raises as ``world_of_run``."""
     world, made = world_of_run(run), run.experiment
-    if made is None:
-        return world, [], None
-    world, found = moving_in(world, run, made)
-    return world, found.moving, found.leaning
+    return (world, STILL) if made is None else moving_in(world, run, made)
 
 
 class WholeObjects:
     """The objects of a world, and what moves in it, in the images of a camera. Threads may share it."""
 
-    def __init__(
-        self,
-        world: World,
-        config: ImagingConfig,
-        bodies: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-    ) -> None:
-        self._leaning, self._row = leaning, dict[int, int]()
+    def __init__(self, world: World, config: ImagingConfig, moving: Moving = STILL) -> None:
+        self._leaning, self._row = (leaning := moving.leaning), dict[int, int]()
         if leaning is not None:
             rows = leaning.rows[leaning.plants.bunch[leaning.rows] == WHOLE]
             self._row = dict(zip(leaning.plants.object_id[rows].tolist(), rows.tolist(), strict=True))
-        self.world, self.objects, self._bodies = world, named_objects(world), bodies
+        self.world, self.objects, self._bodies = world, named_objects(world), moving.bodies
         self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
         self._hulls: dict[tuple[str, Labels], Array] = {}

@@ -37,7 +37,7 @@ from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.readings import Image
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, moving_world_of_run
 from fieldtruth.exporters.frames import Frames
@@ -276,10 +276,10 @@ class CocoBoxes:
     """
 
     def __init__(self, run: Run, labels: LabelMap, names: Sequence[str]) -> None:
-        (self._world, bodies, leaning), self._bits = moving_world_of_run(run), object_bits(names)
+        (self._world, moving), self._bits = moving_world_of_run(run), object_bits(names)
         self._movers = run.movers
         views = run.of(Image, "photo", "instance")
-        self._whole = {view.label: WholeObjects(self._world, view.config, bodies, leaning) for view in views}
+        self._whole = {view.label: WholeObjects(self._world, view.config, moving) for view in views}
         self._ids = labels.ids
         self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
 

@@ -37,7 +37,7 @@ from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Joints, Message, Odometry, Reading, WheelSpeeds
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.experiment.sensor_config import BASE
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_sheet import write_sheet

@@ -17,7 +17,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, ClassTable
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.drawing.style import HAIRLINE, PIXELS, POINTS
 

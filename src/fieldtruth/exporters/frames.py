@@ -27,7 +27,8 @@ from fieldtruth.bag.topics import EXTRAS, PAPER_RIG, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.datasets import ROLES, bags_in
+from fieldtruth.datasets import bags_in
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.ontology import LabelMap
 

@@ -23,7 +23,7 @@ from fieldtruth.bag.topics import EXTRAS, Source
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.readings import Cloud, Image, Reading
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import (

@@ -20,7 +20,7 @@ from fieldtruth.bag.topics import Source
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.templates import templates
 from fieldtruth.core.yaml_io import filled, package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.exporters.frames import Member, noun_of
 from fieldtruth.ontology import LabelMap
 from fieldtruth.report.card import card_part, collection_of, conditions_of

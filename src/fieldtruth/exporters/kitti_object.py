@@ -100,8 +100,8 @@ class KittiObjects:
     """The objects of a run, those that move included, in the images of a view. Threads may share it."""
 
     def __init__(self, run: Run, view: Source) -> None:
-        world, bodies, leaning = moving_world_of_run(run)
-        self._whole, self._movers = WholeObjects(world, view.config, bodies, leaning), run.movers
+        world, moving = moving_world_of_run(run)
+        self._whole, self._movers = WholeObjects(world, view.config, moving), run.movers
 
     def rows(
         self, image: Image, cloud: Cloud, world_from_optical: Array, *, moving: bool = False

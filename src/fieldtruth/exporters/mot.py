@@ -51,8 +51,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 def _write_sequence(run: Run, view: Source, folder: Path, options: Options) -> None:
     with options.progress.stage("build the world"):
-        world, bodies, leaning = moving_world_of_run(run)
-        whole = WholeObjects(world, view.config, bodies, leaning)
+        world, moving = moving_world_of_run(run)
+        whole = WholeObjects(world, view.config, moving)
     images, movers = run.readings(view.name, ["photo", "instance"]), run.movers
     base_from_optical, trajectory = run.calibration.base_from(view.name), run.trajectory
     for part in ("img1", "gt"):

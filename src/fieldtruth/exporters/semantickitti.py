@@ -27,7 +27,7 @@ from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, ClassTable, Label
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.core.yaml_io import package_data
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import Chosen, chosen_of_many, first_of_clouds, first_views, noun_of
 from fieldtruth.exporters.kitti import CLOUDS, IMAGES, Geometry, has_lens, read_geometry, write_cloud, write_motion

@@ -27,7 +27,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import Source
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud, Image
-from fieldtruth.datasets import ROLES
+from fieldtruth.datasets.items import ROLES
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import PAPER, SPLITS, Frames, Member, count_common, require_frames, views_of
 from fieldtruth.exporters.local_maps import local_maps_of

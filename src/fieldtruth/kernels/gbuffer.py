@@ -10,9 +10,9 @@ the world's edge, where cameras see it close, the world's ground, mirrored at th
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.between_nodes import corners_at, mean_height, mixed_at, nearest, slope_at, value_at
 from fieldtruth.kernels.camera_rays import RayBatch
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.light import (
@@ -78,7 +78,6 @@ TERRAIN_PASSES: Final = (
 MESH_PASSES: Final = ("meshes: faces and vertices", "meshes: textures, age, veins", "meshes: light of the volume")
 TRACE_SUN: Final = -1.0
 """Value of SUN that requests a shadow ray; other values are the known share of the sun."""
-_Corners = tuple[np.float32, np.float32, np.float32, np.float32]
 _PER_PIT = np.float32(1.0 / 0.04)
 """Per radius [m] of a pit. From the middle of the bottom of a round pit, the share 1 / (1 + (depth / radius)^2) of the
 sky's light is seen (the form factor of a disc above a point)."""
@@ -109,88 +108,6 @@ def new_scratch(count: int) -> Scratch:
         probe=np.zeros(READ, np.float32),
         robot=np.zeros((4, 4)),
     )
-
-
-@inlined
-def _bilinear(grid: Float32Array, row: int, column: int, channel: int, weights: _Corners) -> np.float32:
-    a, b, c, d = weights
-    i, j, one = np.uintp(row), np.uintp(column), np.uintp(1)
-    return (  # type: ignore[no-any-return]
-        grid[i, j, channel] * a + grid[i, j + one, channel] * b
-        + grid[i + one, j, channel] * c + grid[i + one, j + one, channel] * d
-    )  # fmt: skip
-
-
-@inlined
-def _corners(grid: Float32Array, u: np.float32, v: np.float32) -> tuple[int, int, _Corners]:
-    """Find the corner (i, j) of the cell with u, v, and the weights of its four corners."""
-    zero, one = np.float32(0.0), np.float32(1.0)
-    u = min(max(u, zero), np.float32(grid.shape[0] - 1.001))
-    v = min(max(v, zero), np.float32(grid.shape[1] - 1.001))
-    i, j = int(u), int(v)
-    fu, fv = u - np.float32(i), v - np.float32(j)
-    return i, j, ((one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv)
-
-
-@inlined
-def _nearest(grain: NDArray[np.uint8], u: np.float32, v: np.float32) -> np.uintp:
-    """Value at the node nearest to u, v."""
-    zero, half = np.float32(0.0), np.float32(0.5)
-    i = int(min(max(u + half, zero), np.float32(grain.shape[0] - 1)))
-    j = int(min(max(v + half, zero), np.float32(grain.shape[1] - 1)))
-    return np.uintp(grain[i, j])
-
-
-@inlined
-def _between(values: Float32Array, u: np.float32, v: np.float32) -> np.float32:
-    """Bilinear value at node u, v; beyond the border the border's value.
-
-    Unlike ``read_grid``, without conversions to double precision and checks for negative indices.
-    """
-    zero, end = np.float32(0.0), np.float32(1.001)
-    u = min(max(u, zero), np.float32(values.shape[0]) - end)
-    v = min(max(v, zero), np.float32(values.shape[1]) - end)
-    row, column, one = int(u), int(v), np.uintp(1)  # signed numbers are converted faster than unsigned ones
-    fu, fv = u - np.float32(row), v - np.float32(column)
-    i, j = np.uintp(row), np.uintp(column)
-    low = values[i, j] + (values[i, j + one] - values[i, j]) * fv
-    high = values[i + one, j] + (values[i + one, j + one] - values[i + one, j]) * fv
-    return low + (high - low) * fu  # type: ignore[no-any-return]
-
-
-@inlined
-def _shade_of(grid: Grid, x: np.float32, y: np.float32) -> np.float32:
-    """Value of a grid of light at world x, y [m]."""
-    per_metre = np.float32(grid.per_metre)
-    return _between(grid.values, (x - np.float32(grid.x0)) * per_metre, (y - np.float32(grid.y0)) * per_metre)
-
-
-@inlined
-def _slope(surface: Grid, x: np.float32, y: np.float32, step: np.float32) -> tuple[np.float32, np.float32]:
-    """Slope of the surface along x and y over ``step`` [m] to either side: as wide as a pixel sees, so that distant
-    relief does not flicker.
-    """
-    values, per_metre, per = surface.values, np.float32(surface.per_metre), np.float32(0.5) / step
-    u, v = (x - np.float32(surface.x0)) * per_metre, (y - np.float32(surface.y0)) * per_metre
-    nodes = step * per_metre
-    along_x = (_between(values, u + nodes, v) - _between(values, u - nodes, v)) * per
-    along_y = (_between(values, u, v + nodes) - _between(values, u, v - nodes)) * per
-    return along_x, along_y
-
-
-@inlined
-def _mean_height(ground: Float32Array, u: np.float32, v: np.float32) -> tuple[np.float32, np.float32, np.float32]:
-    """Height [m] of the ground without its relief at node u, v, and its rise per node along both axes."""
-    zero, end, one = np.float32(0.0), np.float32(1.001), np.uintp(1)
-    u = min(max(u, zero), np.float32(ground.shape[0]) - end)
-    v = min(max(v, zero), np.float32(ground.shape[1]) - end)
-    row, column = int(u), int(v)
-    fu, fv = u - np.float32(row), v - np.float32(column)
-    i, j = np.uintp(row), np.uintp(column)
-    h00, h01, h10, h11 = ground[i, j, 3], ground[i, j + one, 3], ground[i + one, j, 3], ground[i + one, j + one, 3]
-    along_u = (h10 - h00) + ((h11 - h01) - (h10 - h00)) * fv
-    along_v = (h01 - h00) + ((h11 - h10) - (h01 - h00)) * fu
-    return h00 + (h10 - h00) * fu + along_v * fv, along_u, along_v
 
 
 @kernel
@@ -234,7 +151,7 @@ def _terrain_normals(
     for m in range(found):
         k = np.uintp(rows[m])
         side = distance[k] * pixel / np.sqrt(max(foreshortening[k], flattest))
-        sx, sy = _slope(surface, points[0, k], points[1, k], max(half_cell, side))
+        sx, sy = slope_at(surface, points[0, k], points[1, k], max(half_cell, side))
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
 
@@ -272,13 +189,13 @@ def _terrain_shares(shading: Shading, batch: RayBatch, scratch: Scratch, found: 
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
-        height, slope_x, slope_y = _mean_height(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
+        height, slope_x, slope_y = mean_height(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
         descent[m] = per_rgb * (slope_x * directions[0, k] + slope_y * directions[1, k]) - directions[2, k]
         hollow[m] = height - points[2, k]
         depth = max(hollow[m], zero) * _PER_PIT
         pit = one / (one + depth * depth)
-        out[k, LIGHT] = _shade_of(near, x, y) * pit
-        out[k, SUN] = _shade_of(sunlit, x, y) * pit
+        out[k, LIGHT] = value_at(near, x, y) * pit
+        out[k, SUN] = value_at(sunlit, x, y) * pit
 
 
 @kernel(inner=True)
@@ -347,11 +264,11 @@ def _terrain_colours(
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
-        trail = _shade_of(edge, x, y) if trail_row >= 0 else one
+        trail = value_at(edge, x, y) if trail_row >= 0 else one
         if trail < zero:
             row = np.uintp(border_row if trail > np.float32(-materials.border_width) else trail_row)
         else:
-            row = _nearest(grain, (x - x0) * per_material, (y - y0) * per_material)
+            row = nearest(grain, (x - x0) * per_material, (y - y0) * per_material)
         texture = np.uintp(textures[row])
         relief = Relief(one / repeats[row], reliefs[row], mean_heights[texture], patches[row])
         view = directions[0, k], directions[1, k], descent[m]
@@ -361,17 +278,17 @@ def _terrain_colours(
         red, green, blue, sun = red * bright, green * bright, blue * bright, sun * light
         out[k, GLOSS], out[k, MIRROR] = glosses[row], zero
         out[k, SUN] *= sun
-        i, j, weights = _corners(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
+        i, j, weights = corners_at(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
         if trail < zero:
-            wear = _bilinear(ground, i, j, 4, weights)
+            wear = mixed_at(ground, i, j, 4, weights)
             if puddles > zero:
                 wear *= _puddle(hollow[m], puddles, k, out)
             red, green, blue = red * wear, green * wear, blue * wear
             out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
             continue
-        out[k, RED] = _bilinear(ground, i, j, 0, weights) * red / means[texture, 0]
-        out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green / means[texture, 1]
-        out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue / means[texture, 2]
+        out[k, RED] = mixed_at(ground, i, j, 0, weights) * red / means[texture, 0]
+        out[k, GREEN] = mixed_at(ground, i, j, 1, weights) * green / means[texture, 1]
+        out[k, BLUE] = mixed_at(ground, i, j, 2, weights) * blue / means[texture, 2]
 
 
 @inlined
@@ -430,6 +347,7 @@ def near_edge(
     return red, green, blue
 
 
+_Leaf = tuple[np.float32, np.float32]
 _Barycentric = tuple[np.float32, np.float32, np.float32]
 _Rows = tuple[np.uintp, np.uintp, np.uintp]
 _SHADOWS_END = np.float32(90.0)
@@ -451,7 +369,7 @@ def _mixed(vertices: Float32Array, rows: _Rows, weights: _Barycentric, column: i
 
 
 @inlined
-def _leaf_variation(leaf: int, top: int) -> tuple[np.float32, np.float32]:
+def _leaf_variation(leaf: int, top: int) -> _Leaf:
     """Pseudo-random brightness and warmth of a leaf."""
     key = np.uint32(leaf + 7919 * top) * np.uint32(2654435761)
     bright = np.float32(0.78) + np.float32(0.44 / 255.0) * np.float32((key >> np.uint32(8)) & np.uint32(255))
@@ -557,6 +475,18 @@ def _aged(
     return colour
 
 
+@inlined
+def _tinted(
+    colour: Colour, tints: Float32Array, row: np.uintp, own: Float32Array, top: np.uintp, leaf: _Leaf
+) -> Colour:
+    """Colour with the tints of its material and of the object, and the variation of a leaf."""
+    (bright, warmth), one = leaf, np.float32(1.0)
+    red = colour[0] * tints[row, 0] * own[top, 0] * bright * (one + np.float32(0.35) * warmth)
+    green = colour[1] * tints[row, 1] * own[top, 1] * bright
+    blue = colour[2] * tints[row, 2] * own[top, 2] * bright * (one - np.float32(0.25) * warmth)
+    return red, green, blue
+
+
 @kernel(inner=True)
 def _shade_surfaces(
     shading: Shading, batch: RayBatch, scratch: Scratch, found: int, pixel: np.float32, out: Float32Array
@@ -572,9 +502,8 @@ def _shade_surfaces(
     movers = batch.mover
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
-        top = np.uintp(tops[k])
-        through, ray = throughs[row, 1], (directions[0, k], directions[1, k], directions[2, k])
-        own = out[k, NX], out[k, NY], out[k, NZ]
+        top, through = np.uintp(tops[k]), throughs[row, 1]
+        ray, own = (directions[0, k], directions[1, k], directions[2, k]), (out[k, NX], out[k, NY], out[k, NZ])
         if movers[k] >= 0:  # in the middle of the interval, for all rays
             own = mover_normal(shading.scene, movers[k], 0.5, own)
         normal, facing = _turned(rotations, top, own, ray, through > zero)
@@ -593,10 +522,9 @@ def _shade_surfaces(
             across /= np.sqrt(max(facing, _GRAZING))
         noise = dither(image[0, k], image[1, k])
         level = mip_level(across, noise)
-        red, green, blue = sample(atlas, texture, u, v, level)
-        colour, bright, warmth = (np.float32(red), np.float32(green), np.float32(blue)), one, zero
+        colour, leaf = sample(atlas, texture, u, v, level), (one, zero)
         if through > zero:
-            bright, warmth = _leaf_variation(face[m, FIRST] // 4, tops[k])
+            leaf = _leaf_variation(face[m, FIRST] // 4, tops[k])
         else:
             if age[row, FURROWS] > zero:
                 along_u, along_v = texture_slope(atlas, texture, u, v, level)
@@ -605,13 +533,11 @@ def _shade_surfaces(
             point, mean = (points[0, k], points[1, k], points[2, k]), atlas.mean[texture, 1]
             colour = _aged(age, row, colour, mean, point, normal, (points[2, k] - bases[top], tops[k]))
             out[k, SUN] = one if distant and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
-        red = colour[0] * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
-        green = colour[1] * tints[row, 1] * own_tints[top, 1] * bright
-        blue = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
+        colour = _tinted(colour, tints, row, own_tints, top, leaf)
         if distant and lands[row]:
             side = distance[k] * pixel / max(foreshortening[k], _FLATTEST)
-            red, green, blue = near_edge(materials, (red, green, blue), points[0, k], points[1, k], side, noise)
-        out[k, RED], out[k, GREEN], out[k, BLUE] = red, green, blue
+            colour = near_edge(materials, colour, points[0, k], points[1, k], side, noise)
+        out[k, RED], out[k, GREEN], out[k, BLUE] = colour
 
 
 @kernel(inner=True)

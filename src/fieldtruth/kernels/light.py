@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.kernels.between_nodes import cell_of
 from fieldtruth.kernels.camera_rays import RayBatch
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.packets import Grid, HitTable, IntArray, SceneRays
@@ -257,12 +258,8 @@ def read_probes(
     volume: Float32Array, base: Float32Array, u: np.float32, v: np.float32, z: np.float32, out: Float32Array
 ) -> None:
     """Trilinear coefficients at node u, v of the volume and height z [m], into ``out`` (READ,)."""
-    zero, one, end = np.float32(0.0), np.float32(1.0), np.float32(1.001)
-    u = min(max(u, zero), np.float32(volume.shape[0]) - end)
-    v = min(max(v, zero), np.float32(volume.shape[1]) - end)
-    row, column = int(u), int(v)
-    fu, fv = u - np.float32(row), v - np.float32(column)
-    i, j, next_one = np.uintp(row), np.uintp(column), np.uintp(1)
+    zero, one, end, next_one = np.float32(0.0), np.float32(1.0), np.float32(1.001), np.uintp(1)
+    i, j, fu, fv = cell_of(volume.shape[0], volume.shape[1], u, v)
     i1, j1 = i + next_one, j + next_one
     a, b, c, d = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
     ground = base[i, j] * a + base[i, j1] * b + base[i1, j] * c + base[i1, j1] * d
@@ -284,12 +281,8 @@ def read_probes(
 @inlined
 def read_lowest(volume: Float32Array, u: np.float32, v: np.float32, out: Float32Array) -> None:
     """Bilinear coefficients at node u, v of the lowest layer, into ``out`` (READ,)."""
-    zero, one, end = np.float32(0.0), np.float32(1.0), np.float32(1.001)
-    u = min(max(u, zero), np.float32(volume.shape[0]) - end)
-    v = min(max(v, zero), np.float32(volume.shape[1]) - end)
-    row, column = int(u), int(v)
-    fu, fv = u - np.float32(row), v - np.float32(column)
-    i, j, next_one, k = np.uintp(row), np.uintp(column), np.uintp(1), np.uintp(0)
+    one, next_one, k = np.float32(1.0), np.uintp(1), np.uintp(0)
+    i, j, fu, fv = cell_of(volume.shape[0], volume.shape[1], u, v)
     i1, j1 = i + next_one, j + next_one
     a, b, c, d = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
     for n in range(READ):

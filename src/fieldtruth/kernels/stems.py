@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.compile import inlined, kernel
 
 X, Y, Z, COUNT, RIGIDITY, BREAKS, HEIGHT, RECOVERS, SECONDS = range(9)
 """Columns of stems."""
@@ -92,6 +92,13 @@ def push_stem(stem: Array, table: Array, most: float, edge: tuple[float, float],
     return 1.0
 
 
+@inlined
+def _squares(at: float, radius: float, origin: float, per_metre: float, count: int) -> tuple[int, int]:
+    """First and last square of a grid of ``count`` along an axis that are within a radius [m] of a position."""
+    first, last = math.floor((at - radius - origin) * per_metre), math.floor((at + radius - origin) * per_metre)
+    return max(first, 0), min(last, count - 1)
+
+
 @kernel(allocates=True)
 def push_stems(
     stems: Array,
@@ -110,22 +117,19 @@ def push_stems(
     qpos, rotation, time = state
     x0, y0, per_metre, nx, ny = cells.grid
     fx, fz, mx, my, mz = 0.0, 0.0, 0.0, 0.0, 0.0
-    out, d, b = np.empty(2), np.empty(3), np.empty(3)
+    out, b = np.empty(2), np.empty(3)
     radius = math.hypot(max(edges.front, -edges.rear), edges.half_width) + 0.1
-    i0 = max(math.floor((qpos[0] - radius - x0) * per_metre), 0)
-    i1 = min(math.floor((qpos[0] + radius - x0) * per_metre), nx - 1)
-    j0 = max(math.floor((qpos[1] - radius - y0) * per_metre), 0)
-    j1 = min(math.floor((qpos[1] + radius - y0) * per_metre), ny - 1)
+    i0, i1 = _squares(qpos[0], radius, x0, per_metre, nx)
+    j0, j1 = _squares(qpos[1], radius, y0, per_metre, ny)
     if i1 < i0 or j1 < j0:  # beyond the world's edge
         force[:] = 0.0
         return
     middle = 0.5 * (edges.front + edges.rear)
     for i in range(i0, i1 + 1):
         for k in range(cells.first[i * ny + j0], cells.first[i * ny + j1 + 1]):
+            dx, dy, dz = stems[k, X] - qpos[0], stems[k, Y] - qpos[1], stems[k, Z] - qpos[2]
             for axis in range(3):
-                d[axis] = stems[k, axis] - qpos[axis]
-            for axis in range(3):
-                b[axis] = rotation[0, axis] * d[0] + rotation[1, axis] * d[1] + rotation[2, axis] * d[2]
+                b[axis] = rotation[0, axis] * dx + rotation[1, axis] * dy + rotation[2, axis] * dz
             if abs(b[1]) > edges.half_width or b[0] > edges.front or b[0] < edges.rear or pressed[k] == BROKEN:
                 continue
             sign = 1.0 if b[0] > middle else -1.0

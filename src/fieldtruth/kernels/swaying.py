@@ -81,21 +81,22 @@ def _turn(begin: Any, end: Any, ray: Any, out: Any) -> None:
 
 
 @inlined
-def _enter(given: Any) -> np.uint64:
-    """Write the rays of a packet in the frame of an element, and return the scene of that."""
+def _enter(given: Any) -> tuple[Any, Any, np.uint32, np.uint32]:
+    """Write the rays of a packet in the frame of an element; return its scene, these rays, and the two numbers."""
     geometry, element = _words(given[_GEOMETRY]), given[_ELEMENT] & _LOW
     offset = np.uint64(48) * element
     begin, end = _floats(geometry[BEGIN] + offset), _floats(geometry[END] + offset)
-    _turn(begin, end, _floats(given[_RAYS]), _floats(given[_CONTEXT] + np.uint64(SPARE)))
-    return _words(geometry[SCENES] + np.uint64(8) * element)[0]  # type: ignore[no-any-return]
+    rays = given[_CONTEXT] + np.uint64(SPARE)
+    _turn(begin, end, _floats(given[_RAYS]), _floats(rays))
+    scene = _words(geometry[SCENES] + np.uint64(8) * element)[0]
+    return scene, _at(rays), np.uint32(given[_NUMBER] >> _HALF), np.uint32(element)
 
 
 @callback
 def meet(address: Any) -> None:
     """Find the first hits of a packet on an element (RTCIntersectFunctionN)."""
     given = _words(address)
-    scene, rays = _enter(given), _at(given[_CONTEXT] + np.uint64(SPARE))
-    number, element = np.uint32(given[_NUMBER] >> _HALF), np.uint32(given[_ELEMENT] & _LOW)
+    scene, rays, number, element = _enter(given)
     _intersect(_at(given[_VALID]), _at(address), scene, rays, number, element)
 
 
@@ -103,8 +104,7 @@ def meet(address: Any) -> None:
 def block(address: Any) -> None:
     """Find which rays of a packet an element blocks (RTCOccludedFunctionN)."""
     given = _words(address)
-    scene, rays = _enter(given), _at(given[_CONTEXT] + np.uint64(SPARE))
-    number, element = np.uint32(given[_NUMBER] >> _HALF), np.uint32(given[_ELEMENT] & _LOW)
+    scene, rays, number, element = _enter(given)
     _occluded(_at(given[_VALID]), _at(address), scene, rays, number, element)
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels.compile import inlined, kernel
 
+_Corners = tuple[np.uint32, np.uint32, np.uint32, np.uint32]
 LEVELS: Final = 11
 SUN_ONE: Final = 85
 """Code of the share of the sun's light of level ground in a texel's highest byte; 255 is three times as much."""
@@ -54,13 +55,13 @@ def srgb_from_linear(value: NDArray[np.floating]) -> Array:
 
 
 @inlined
-def _corners(
+def _around(
     atlas: Atlas, texture: int | np.uintp, u: np.float32, v: np.float32, level: int
-) -> tuple[tuple[np.uint32, np.uint32, np.uint32, np.uint32], tuple[np.float32, np.float32, np.float32, np.float32]]:
-    """The four texels of a level around (u, v), and their weights."""
+) -> tuple[_Corners, np.float32, np.float32, np.float32]:
+    """The four texels of a level around (u, v), the position between them, and how many make a repeat."""
     level = min(max(level, 0), LEVELS - 1)
     size, start = atlas.size[texture, level], np.uintp(atlas.start[texture, level])
-    half, side, one = np.float32(0.5), np.float32(size), np.float32(1.0)
+    half, side = np.float32(0.5), np.float32(size)
     x, y = u * side - half, -v * side - half
     left, top = np.floor(x), np.floor(y)
     fx, fy = x - left, y - top
@@ -68,8 +69,16 @@ def _corners(
     i0, i1 = np.uintp(i & mask), np.uintp((i + 1) & mask)
     j0, j1 = start + np.uintp((j & mask) * size), start + np.uintp(((j + 1) & mask) * size)
     texels = atlas.texels
-    weights = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
-    return (texels[j0 + i0], texels[j0 + i1], texels[j1 + i0], texels[j1 + i1]), weights
+    return (texels[j0 + i0], texels[j0 + i1], texels[j1 + i0], texels[j1 + i1]), fx, fy, side
+
+
+@inlined
+def _corners(
+    atlas: Atlas, texture: int | np.uintp, u: np.float32, v: np.float32, level: int
+) -> tuple[_Corners, tuple[np.float32, np.float32, np.float32, np.float32]]:
+    """The four texels of a level around (u, v), and their weights."""
+    (found, fx, fy, _), one = _around(atlas, texture, u, v, level), np.float32(1.0)
+    return found, ((one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy)
 
 
 @inlined
@@ -335,18 +344,9 @@ def texture_slope(
     atlas: Atlas, texture: np.uintp, u: np.float32, v: np.float32, level: int
 ) -> tuple[np.float32, np.float32]:
     """Rise of a texture's brightness (sRGB green, 0 to 1) per repeat along u and v, between texels about a point."""
-    level = min(max(level, 0), LEVELS - 1)
-    size, start = atlas.size[texture, level], np.uintp(atlas.start[texture, level])
-    half, side = np.float32(0.5), np.float32(size)
-    x, y = u * side - half, -v * side - half
-    left, top = np.floor(x), np.floor(y)
-    fx, fy = x - left, y - top
-    i, j, mask = int(left), int(top), size - 1
-    i0, i1 = np.uintp(i & mask), np.uintp((i + 1) & mask)
-    j0, j1 = start + np.uintp((j & mask) * size), start + np.uintp(((j + 1) & mask) * size)
-    texels = atlas.texels
-    a, b = np.float32(texels[j0 + i0] >> 8 & 255), np.float32(texels[j0 + i1] >> 8 & 255)
-    c, d = np.float32(texels[j1 + i0] >> 8 & 255), np.float32(texels[j1 + i1] >> 8 & 255)
+    (t00, t01, t10, t11), fx, fy, side = _around(atlas, texture, u, v, level)
+    a, b = np.float32(t00 >> 8 & 255), np.float32(t01 >> 8 & 255)
+    c, d = np.float32(t10 >> 8 & 255), np.float32(t11 >> 8 & 255)
     scale = side * np.float32(1.0 / 255.0)
     return ((b - a) + ((d - c) - (b - a)) * fy) * scale, -((c - a) + ((d - b) - (c - a)) * fx) * scale
 

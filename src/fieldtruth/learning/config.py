@@ -5,11 +5,11 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, Number, Positive, configuration_error
+from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, Number, Positive, validated_as
 from fieldtruth.experiment.files import validated
 from fieldtruth.learning.rewards import Weights
 
@@ -81,10 +81,7 @@ class LearningConfig(Frozen):
             UnknownNameError: an observation that does not exist.
             ConfigurationError: another value that is not allowed.
         """
-        try:
-            made = cls.model_validate(dict(values))
-        except ValidationError as report:
-            raise configuration_error(cls, report) from report
+        made = validated_as(cls, values)
         for name in made.names:
             if name not in OBSERVATIONS:
                 raise UnknownNameError("observation", name, OBSERVATIONS)

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.controller import IN_WATER, OUTSIDE, TIPPED, Hazards
+from fieldtruth.drive.controller import Hazards
 from fieldtruth.drive.physics import Command
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.soil import SoilContact
@@ -20,8 +20,6 @@ from fieldtruth.world.model import World
 HIT: Final = "hit an obstacle"
 STUCK: Final = "stuck"
 HIT_ROBOT: Final = "hit another robot"
-CAUSES: Final = (TIPPED, HIT, HIT_ROBOT, STUCK, IN_WATER, OUTSIDE)
-"""Why the robot can go no further."""
 HIT_ENERGY: Final = 5.0
 """[J] of a hit that ends an episode: 0.45 m/s head-on for a robot of 50 kg."""
 STUCK_SECONDS: Final = 10.0

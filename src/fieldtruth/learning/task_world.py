@@ -23,6 +23,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.kernels.packets import Grid
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import SensorWorld
@@ -52,7 +53,7 @@ class TaskWorld:
         self.world, self.rig, self.light = with_robots(world, robots) if robots else world, rig, light
         self.others: Mapping[str, Array] = {}
         """Poses (4, 4) world_from_base of the robots that the next reading sees, by name."""
-        self._bodies = [robot_body(self.world, name, rig, partial(self._pose_of, name)) for name in robots]
+        self._moving = Moving([robot_body(self.world, name, rig, partial(self._pose_of, name)) for name in robots])
         self.ground = Traversability(world, rig)
         self.grid = RouteGrid(self.ground)
         self._sensed: dict[bool, SensorWorld] = {}
@@ -63,14 +64,14 @@ class TaskWorld:
     @cached_property
     def scene(self) -> Scene:
         """The world in the ray tracer, with its robots."""
-        return Scene(self.world, self._bodies)
+        return Scene(self.world, self._moving)
 
     def sensed_by(self, rig: Rig) -> SensorWorld:
         """Return the world in which the sensors of a rig read; they see the robot if the rig is visible."""
         if rig.visible not in self._sensed:
             other = next(iter(self._sensed.values()), None)
             baked = other.baked if other is not None and rig.visible else None
-            given: dict[str, Any] = {"scene": self.scene, "baked": baked, "moving": self._bodies}
+            given: dict[str, Any] = {"scene": self.scene, "baked": baked, "moving": self._moving}
             self._sensed[rig.visible] = SensorWorld(self.world, rig, self.light, **given)
         return self._sensed[rig.visible]
 

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What moves in the interval of a reading, as the ray tracer takes it: bodies, plants that lean, and ruts."""
+"""What moves in a world, bodies, plants that lean, and ruts; and in the interval of a reading, for the ray tracer."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,12 +13,29 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.kernels.packets import SceneRays
 from fieldtruth.sense.embree import RayScene
-from fieldtruth.sense.leaning import LEAN_KNOT_NS, TracedPlants
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, Leaning, TracedPlants
 from fieldtruth.sense.moving import KNOT_NS, MovingBody
-from fieldtruth.sense.ruts import TracedRuts
+from fieldtruth.sense.ruts import Ruts, TracedRuts
 
 MOST_KNOTS: Final = 129
 """Knots of a reading's interval at most (Embree's RTC_MAX_TIME_STEP_COUNT): 1.27 s."""
+
+
+@dataclass(frozen=True)
+class Moving:
+    """What moves in a world: bodies, plants that lean, and ground in which wheels leave ruts."""
+
+    bodies: Sequence[MovingBody] = ()
+    leaning: Leaning | None = None
+    ruts: Ruts | None = None
+
+    def __bool__(self) -> bool:
+        """Return whether anything moves."""
+        return bool(self.bodies) or self.leaning is not None or self.ruts is not None
+
+
+STILL: Final = Moving()
+"""Nothing moves."""
 
 
 class Traced(NamedTuple):

@@ -11,6 +11,7 @@ of them are traced side by side by threads.
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final, Literal, NamedTuple
 
@@ -24,10 +25,10 @@ from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, block_rays, trace_rays
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.interval import Interval, Traced, interval_of
+from fieldtruth.sense.interval import STILL, Interval, Moving, Traced, interval_of
 from fieldtruth.sense.leaning import WHOLE, Leaning, TracedPlants, bunches_of
 from fieldtruth.sense.moving import MovingBody, check_bodies
-from fieldtruth.sense.ruts import Ruts, TracedRuts, ground_tiles
+from fieldtruth.sense.ruts import TracedRuts, ground_tiles
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
 BLOCK: Final = 1 << 16
@@ -84,13 +85,7 @@ class Scene:
         ConfigurationError: the world is of another type, or a body has a mesh that it cannot have.
     """
 
-    def __init__(
-        self,
-        world: World,
-        bodies: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-        ruts: Ruts | None = None,
-    ) -> None:
+    def __init__(self, world: World, moving: Moving = STILL) -> None:
         given_world(world, None)
         self.world = world
         self.engine = Engine()
@@ -98,22 +93,25 @@ class Scene:
         self.top_levels = list(_top_levels(world))
         self._parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
         self.ruts = _NO_RUTS
-        self.rays, geometry_top = self._standing(len(bodies))
+        self.rays, geometry_top = self._standing(len(moving.bodies))
         self.hits = _hit_table(world, self.meshes, self.top_levels, geometry_top)
         self.still, self.moving, self.plants = self, list[Traced](), _NO_PLANTS
-        self.ripples = None if leaning is None else leaning.ripples
-        leaning = leaning if leaning is not None and len(leaning.rows) else None
-        ruts = ruts if world.terrain.visible else None
-        if bodies or leaning or ruts:
-            self.still = copy(self)
-            self.still.still = self.still
-        if leaning:
-            geometry_top = self._lean(leaning, len(bodies), ruts)
-        elif ruts:
-            self.ruts = TracedRuts(ruts, self.engine, len(bodies))
-            self.rays, geometry_top = self._standing(len(bodies))
-        if bodies or leaning or ruts:
-            self._add(bodies, geometry_top)
+        self.ripples = None if moving.leaning is None else moving.leaning.ripples
+        leaning = moving.leaning if moving.leaning is not None and len(moving.leaning.rows) else None
+        moving = replace(moving, leaning=leaning, ruts=moving.ruts if world.terrain.visible else None)
+        if not moving:
+            return
+        self.still = copy(self)
+        self.still.still = self.still
+        first, plants, remaining = len(moving.bodies), list[int](), dict[int, list[RayScene]]()
+        if leaning is not None:
+            plants, remaining = self._lean(leaning, first)
+        if moving.ruts is not None:
+            self.ruts = TracedRuts(moving.ruts, self.engine, first + len(plants))
+        if leaning is not None or moving.ruts is not None:
+            self.rays, geometry_top = self._standing(first + len(plants), remaining)
+            geometry_top[first : first + len(plants)] = plants
+        self._add(moving.bodies, geometry_top)
 
     @property
     def moves(self) -> bool:
@@ -121,14 +119,14 @@ class Scene:
         return bool(self.moving) or self.plants is not None or self.ruts is not None
 
     def _standing(
-        self, first: int, leaning: Mapping[int, Sequence[RayScene]] | None = None
+        self, first: int, remaining: Mapping[int, Sequence[RayScene]] | None = None
     ) -> tuple[RayScene, list[int]]:
         """Build the Embree scene of what stands still, and return the top-level geometry of each number.
 
-        The first numbers are those of bodies, and then of plants. ``leaning`` has what remains of top-level geometries
-        of which a part leans.
+        The first numbers are those of bodies, and then of plants. ``remaining`` has what remains of top-level
+        geometries of which a part leans.
         """
-        rays, remaining = RayScene(self.engine, first), leaning or {}
+        rays, remaining = RayScene(self.engine, first), remaining or {}
         masks = {mesh.name: _mask(self.world, mesh) for mesh in self.meshes}
         geometry_top = [len(self.top_levels) + row for row in range(first)]
         for row, (mesh, pose, *_) in enumerate(self.top_levels):
@@ -146,8 +144,8 @@ class Scene:
                 geometry_top.append(row)
         return rays.commit(), geometry_top
 
-    def _lean(self, leaning: Leaning, bodies: int, ruts: Ruts | None) -> list[int]:
-        """Take plants that lean, and ruts, out of ``rays``; return the top-level geometry of each number."""
+    def _lean(self, leaning: Leaning, first: int) -> tuple[list[int], dict[int, list[RayScene]]]:
+        """Trace plants that lean, of numbers from ``first`` on; return their top-level geometries, and what remains."""
         bunches, made = dict[str, Index](), dict[tuple[str, int], list[RayScene]]()
 
         def parts(mesh: str, bunch: int) -> list[RayScene]:
@@ -160,18 +158,14 @@ class Scene:
                 made[mesh, bunch] = [self.mesh_rays(self.world.meshes[mesh], bunches[mesh] == bunch)]
             return made[mesh, bunch]
 
-        self.plants = TracedPlants(leaning, parts, bodies)
+        self.plants = TracedPlants(leaning, parts, first)
         table, own = leaning.plants, np.zeros(len(leaning.plants.top), np.bool_)
         own[leaning.rows] = True
         remaining: dict[int, list[RayScene]] = {int(top): [] for top in table.top[own]}
         partly = ~own & np.isin(table.top, table.top[own])
         for row in np.flatnonzero(partly).tolist():
             remaining[int(table.top[row])] += parts(str(table.mesh[row]), int(table.bunch[row]))
-        plants = table.top[self.plants.rows].tolist()
-        if ruts is not None:
-            self.ruts = TracedRuts(ruts, self.engine, bodies + len(plants))
-        self.rays, geometry_top = self._standing(bodies + len(plants), remaining)
-        return [*geometry_top[:bodies], *plants, *geometry_top[bodies + len(plants) :]]
+        return table.top[self.plants.rows].tolist(), remaining
 
     def _add(self, bodies: Sequence[MovingBody], geometry_top: list[int]) -> None:
         """Add rows for bodies to the tables, and build the Embree scenes of their meshes."""

@@ -9,6 +9,7 @@ real sensor makes of it, and the messages. A kind is known once the module with 
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
@@ -22,9 +23,8 @@ from fieldtruth.experiment.light_config import LightConfig, WeatherConfig
 from fieldtruth.experiment.rig import Box, Cylinder, Rig, visible_parts
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.interval import STILL, Moving
 from fieldtruth.sense.leaning import Leaning
-from fieldtruth.sense.moving import MovingBody
-from fieldtruth.sense.ruts import Ruts
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -62,9 +62,7 @@ class SensorWorld(_Shared):
         seed: root of all randomness; None for the world's.
         reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
         workers: threads that may work on one reading.
-        moving: bodies that move, which LiDARs and cameras see; those of the scene, if it is given.
-        leaning: plants that lean; those of the scene, if it is given.
-        ruts: in the ground; those of the scene, if it is given.
+        moving: what moves, which LiDARs and cameras see; that of the scene, if it is given.
     """
 
     def __init__(
@@ -79,15 +77,12 @@ class SensorWorld(_Shared):
         seed: int | None = None,
         reuse: bool = False,
         workers: int = 1,
-        moving: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-        ruts: Ruts | None = None,
+        moving: Moving = STILL,
     ) -> None:
         super().__init__()
         self.seed = world.seed if seed is None else seed
         """Root of all randomness."""
         self.world, self.rig, self.reuse, self.workers, self.moving = world, rig, reuse, workers, moving
-        self.leaning, self.ruts = leaning, ruts
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
         if scene is not None:
             self.once("scene", lambda: scene)
@@ -97,18 +92,9 @@ class SensorWorld(_Shared):
 
     def leant(self, leaning: Leaning) -> "SensorWorld":
         """Return the same, in which other plants lean."""
-        return SensorWorld(
-            self.world,
-            self.rig,
-            self.light,
-            self.weather,
-            seed=self.seed,
-            reuse=self.reuse,
-            workers=self.workers,
-            moving=self.moving,
-            leaning=leaning,
-            ruts=self.ruts,
-        )
+        options: dict[str, Any] = {"seed": self.seed, "reuse": self.reuse, "workers": self.workers}
+        moving = replace(self.moving, leaning=leaning)
+        return SensorWorld(self.world, self.rig, self.light, self.weather, moving=moving, **options)
 
     @property
     def wide_ids(self) -> bool:
@@ -118,7 +104,7 @@ class SensorWorld(_Shared):
     @property
     def scene(self) -> Scene:
         """The world in the ray tracer; built at the first use."""
-        return self.once("scene", lambda: Scene(self.world, self.moving, self.leaning, self.ruts))
+        return self.once("scene", lambda: Scene(self.world, self.moving))
 
     @property
     def baked(self) -> BakedScene:
@@ -128,7 +114,7 @@ class SensorWorld(_Shared):
     @property
     def passability(self) -> Passability:
         """What it takes the robot to press down what is in the world; computed at the first use."""
-        return self.once("passability", lambda: Passability(self.world, self.rig.robot, len(self.moving)))
+        return self.once("passability", lambda: Passability(self.world, self.rig.robot, len(self.moving.bodies)))
 
     @cached_property
     def robot_parts(self) -> Sequence[Box | Cylinder]:

@@ -29,11 +29,13 @@ from fieldtruth.drive.simulate import Drive, SimulatedRobot
 from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track
 from fieldtruth.experiment.config import Experiment, RouteConfig, metres_from_route
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.leaning import LEAN_KNOT_NS
-from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
+from fieldtruth.sense.moving import KNOT_NS, KnotPoses
 from fieldtruth.sense.pressed import PressedPlants
 from fieldtruth.sense.robots import robot_body, with_robots
 from fieldtruth.sense.ruts import Ruts
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.model import World
 
 KNOT_STEPS: Final = KNOT_NS // STEP_NS
@@ -80,22 +82,14 @@ class Company:
         self._routes = dict[str, RouteConfig]()
 
     @cached_property
-    def _pressed(self) -> PressedPlants | None:
-        if not self._experiment.plants.yielding:
-            return None
-        return leans_of(self.world, self._robots())
-
-    @property
     def leans(self) -> list[PressedPlants]:
-        """Return how the robots press plants; nothing if these do not yield."""
-        return [] if self._pressed is None else [self._pressed]
+        """How the robots press plants; nothing if these do not yield."""
+        return [leans_of(self.world, self._robots())] if self._experiment.plants.yielding else []
 
     @cached_property
     def ruts(self) -> Ruts | None:
         """The ruts that the robots leave; None if they leave none."""
-        if not self._experiment.ground.ruts:
-            return None
-        return ruts_of(self.world, self._robots())
+        return ruts_of(self.world, self._robots()) if self._experiment.ground.ruts else None
 
     @property
     def _left(self) -> list[PressedPlants | Ruts]:
@@ -142,10 +136,12 @@ class Company:
     def _rigs(self, name: str) -> dict[str, Rig]:
         return {other: made.rig for other, made in self.experiments.items() if other != name}
 
-    def bodies(self, name: str) -> list[MovingBody]:
-        """Return the bodies that the sensors of a robot see."""
-        robots = [robot_body(self.world, other, rig, self.poses[other]) for other, rig in self._rigs(name).items()]
-        return [*robots, *(self.cast.bodies() if self.cast else [])]
+    def moving(self, name: str) -> Moving:
+        """Return what moves for the sensors of a robot: other robots, actors, plants and ruts."""
+        made, world = self._experiment, self.world
+        robots = [robot_body(world, other, rig, self.poses[other]) for other, rig in self._rigs(name).items()]
+        bodies = [*robots, *(self.cast.bodies() if self.cast else [])]
+        return Moving(bodies, leaning_of(made.wind, world, made.seed, *self.leans), self.ruts)
 
     def begin(self, routes: Mapping[str, RouteConfig | None]) -> None:
         """Put the actors where they begin; the robots are at their starts, and have planned their routes.

@@ -131,16 +131,7 @@ class Fleet:
         tracks = company.drive(advance)
         motions = {name: track.swept for name, track in tracks.items()}
         return {
-            name: Driven(
-                company.experiments[name],
-                self.world,
-                track,
-                moving=company.bodies(name),
-                robots=motions,
-                actors=company.actors,
-                leans=company.leans,
-                ruts=company.ruts,
-            )
+            name: Driven(company.experiments[name], self.world, track, company=company, robots=motions)
             for name, track in tracks.items()
         }
 

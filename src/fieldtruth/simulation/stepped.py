@@ -3,7 +3,7 @@
 """A simulation that is stepped: the robot drives, and its sensors read what is due."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,6 @@ from weakref import ref
 
 import numpy as np
 
-from fieldtruth.actors.cast import ActorStates
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import ConfigurationError, DriveError
 from fieldtruth.core.parallel import cpu_count
@@ -28,9 +27,8 @@ from fieldtruth.experiment.names import EXPERIMENTS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import Output, SensorConfig
 from fieldtruth.ontology import check_others
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.leaning import Lean
-from fieldtruth.sense.moving import MovingBody
-from fieldtruth.sense.ruts import Ruts
 from fieldtruth.sense.scene import Scene, given_world
 from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.kind import At, MotionSensor, Movement, Sensor, SensorWorld, movement_of
@@ -38,14 +36,7 @@ from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.company import ALONE, Company
 from fieldtruth.simulation.due import DueReadings, Frame, frame_of, wanted_outputs
 from fieldtruth.simulation.first_run import compile_beside
-from fieldtruth.simulation.motion import (
-    GrowingMotion,
-    LiveMotion,
-    MotionState,
-    motion_of,
-    track_in,
-    with_given_track,
-)
+from fieldtruth.simulation.motion import GrowingMotion, LiveMotion, MotionState, motion_of, track_in, with_given_track
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.classes import CLASSES_KEY, as_layout, classes_of
 from fieldtruth.world.model import World
@@ -133,22 +124,15 @@ class Driven:
     """The world in the ray tracer, if it was built."""
     reuse: bool = field(default=False, kw_only=True)
     """True if the arrays of a reading may be overwritten by the next one."""
-    moving: Sequence[MovingBody] = field(default=(), kw_only=True)
-    """The other robots and the actors of the experiment."""
+    company: Company | None = field(default=None, kw_only=True)
+    """What moves with the robot; None: nothing."""
     robots: Mapping[str, Motion] = field(default_factory=dict, kw_only=True)
     """Motions of all robots of an experiment that has several."""
-    actors: ActorStates | None = field(default=None, kw_only=True)
-    """Motions of the actors."""
-    leans: Sequence[Lean] = field(default=(), kw_only=True)
-    """Why plants lean, beside wind."""
-    ruts: Ruts | None = field(default=None, kw_only=True)
-    """Those that wheels leave."""
 
     @cached_property
     def sensor_world(self) -> SensorWorld:
         """World, light and weather in which the sensors read."""
-        made, options = self.experiment, {"reuse": self.reuse, "moving": self.moving, "ruts": self.ruts}
-        return sensor_world_of(made, self.world, self.scene, leans=self.leans, **options)
+        return _sensor_world_of(self.experiment, self.world, self.company, self.scene, reuse=self.reuse)
 
     @cached_property
     def movement(self) -> Movement:
@@ -156,16 +140,18 @@ class Driven:
         return movement_of(self.track)
 
 
-def sensor_world_of(
-    experiment: Experiment, world: World, scene: Scene | None = None, *, leans: Sequence[Lean] = (), **options: Any
+def _sensor_world_of(
+    made: Experiment, world: World, company: Company | None, scene: Scene | None, **options: Any
 ) -> SensorWorld:
     """Return world, light and weather in which the sensors of an experiment read; options are of ``SensorWorld``.
 
-    A scene that is given is of the world without wind and ruts. ``leans`` are further causes by which plants lean.
+    A scene that is given is of the world in which nothing moves.
     """
-    made, leaning = experiment, leaning_of(experiment.wind, world, experiment.seed, *leans)
-    scene = scene if leaning is None and options.get("ruts") is None else None
-    options |= {"scene": scene, "seed": made.noise_seed, "leaning": leaning}
+    if company is None:
+        moving = Moving(leaning=leaning_of(made.wind, world, made.seed))
+    else:
+        moving = company.moving(made.namespace or ALONE)
+    options |= {"scene": None if company or moving else scene, "seed": made.noise_seed, "moving": moving}
     return SensorWorld(world, made.rig, made.light, made.weather, **options)
 
 
@@ -327,10 +313,7 @@ class Simulation:
         """
         made, world, company = self._experiment, self.world, self.company
         track = track_in(world, made, self._given.track, advance, company)
-        if company is None:
-            return Driven(made, world, track, scene=self._own_scene)
-        moved: dict[str, Any] = {"actors": company.actors, "leans": company.leans, "ruts": company.ruts}
-        return Driven(made, world, track, moving=company.bodies(ALONE), **moved)
+        return Driven(made, world, track, scene=self._own_scene, company=company)
 
     def _built(self) -> SensorWorld:
         """Return the world with its scene and light; it is built at the first use."""
@@ -346,12 +329,8 @@ class Simulation:
             rig = self._experiment.rig.with_each(lambda each: {} if each.name in read else {"enabled": False})
             compile_beside(self._experiment.model_copy(update={"rig": rig}))
             company, scene = self.company, self._own_scene
-            world, moving = self._world_alone() if company is None else company.world, list[MovingBody]()
-            options: dict[str, Any] = {"workers": cpu_count(), "moving": moving}
-            if company is not None:
-                moving, scene = company.bodies(made.namespace or ALONE), None
-                options |= {"moving": moving, "leans": company.leans, "ruts": company.ruts}
-            self._sensor_world = sensor_world_of(made, world, scene, **options)
+            world = self._world_alone() if company is None else company.world
+            self._sensor_world = _sensor_world_of(made, world, company, scene, workers=cpu_count())
         return self._sensor_world
 
     def _world_alone(self) -> World:
@@ -543,9 +522,10 @@ class Simulation:
         pressed = None if self.company is None else next(iter(self.company.leans), None)
         if pressed is None or (lean := pressed.until(stamp_ns)) is pressed:
             return sensor_world
-        assert sensor_world.leaning is not None
+        leaning = sensor_world.moving.leaning
+        assert leaning is not None
         if self._wider is None or not np.array_equal(lean.rows, self._wider[0].rows):
-            self._wider = lean, sensor_world.leant(sensor_world.leaning.with_cause(pressed, lean))
+            self._wider = lean, sensor_world.leant(leaning.with_cause(pressed, lean))
         return self._wider[1]
 
     def _checked(self, seconds: float, command: tuple[float, float] | None) -> tuple[int, Command | None]:

@@ -270,7 +270,7 @@ class RayReference(Checker):
 
     def __init__(self, context: Context, rebuilt: SensorWorld) -> None:
         self._rebuilt, self._world = rebuilt, rebuilt.world
-        self._tracer = ReferenceTracer(rebuilt.world, rebuilt.moving, rebuilt.leaning, rebuilt.ruts)
+        self._tracer = ReferenceTracer(rebuilt.world, rebuilt.moving)
         self._robot = robot_parts(context.rig)
         self._tally = context.tally(INDEPENDENT_RAYS)
         self.tallies = [self._tally]

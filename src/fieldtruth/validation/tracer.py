@@ -8,7 +8,7 @@ ground these are boxes about squares of cells, then about cells, whose triangles
 less than single precision resolves, is returned.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.sense.interval import STILL, Moving
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, bunches_of, square
-from fieldtruth.sense.moving import MovingBody
-from fieldtruth.sense.ruts import Ruts
 from fieldtruth.validation.boxes import SKIN, blocks, meets, near_all
 from fieldtruth.validation.rutted import RuttedCells
 from fieldtruth.world.model import Heightfield, Mesh, World
@@ -162,17 +161,12 @@ class _Triangles(NamedTuple):
 class ReferenceTracer:
     """The triangles of a world, of bodies that move, of plants that lean, and of ruts. Threads may share it."""
 
-    def __init__(
-        self,
-        world: World,
-        bodies: Sequence[MovingBody] = (),
-        leaning: Leaning | None = None,
-        ruts: Ruts | None = None,
-    ) -> None:
-        self.world, self.side, self._bodies, self._leaning = world, max(world.size), bodies, leaning
+    def __init__(self, world: World, moving: Moving = STILL) -> None:
+        self.world, self.side, leaning = world, max(world.size), moving.leaning
+        self._bodies, self._leaning = moving.bodies, leaning
         self._labels = labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
-        self._rutted = RuttedCells(ruts) if ruts is not None and world.terrain.visible else None
+        self._rutted = RuttedCells(moving.ruts) if moving.ruts is not None and world.terrain.visible else None
         meshes: dict[_Key, tuple[Array, NDArray[np.uint8], NDArray[np.uint8]]] = {}
         poses: dict[_Key, list[tuple[Array, int]]] = {}
         rows: dict[_Key, list[int]] = {}
@@ -198,7 +192,7 @@ class ReferenceTracer:
             own = [world.meshes[name] for name in swarm.meshes]
             for row, pose in zip(swarm.mesh.tolist(), swarm.world_from_object, strict=True):
                 place(own[row], pose, swarm.object_id)
-        self._owners = np.array([*owners, *(body.object_id for body in bodies)])
+        self._owners = np.array([*owners, *(body.object_id for body in self._bodies)])
         self._solids = {key: _grouped(*mesh) for key, mesh in meshes.items()}
         placed = {key: _placed(self._solids[key], poses[key]) for key in meshes}
         self._placed = {key: each for key, each in placed.items() if not key.leans}

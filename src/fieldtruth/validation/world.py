@@ -79,10 +79,10 @@ def rebuild(run: Run, *, quick: bool, progress: Progress) -> tuple[SensorWorld |
     try:
         with progress.stage("build the world"):
             world, moving = moving_in(world_of(experiment), run, experiment)
-            scene = Scene(world, *moving)
+            scene = Scene(world, moving)
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    options: dict[str, Any] = {"scene": scene, "seed": experiment.noise_seed, **moving._asdict()}
+    options: dict[str, Any] = {"scene": scene, "seed": experiment.noise_seed, "moving": moving}
     return SensorWorld(world, run.rig, experiment.light, experiment.weather, **options), ""
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-from pydantic import ValidationError
 
 from fieldtruth.core.cache import cache_folder as default_cache_folder
 from fieldtruth.core.cache import cache_key, file_digests
@@ -25,7 +24,7 @@ from fieldtruth.core.geodesy import Origin
 from fieldtruth.core.parallel import check_memory
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.environment_file import files_of, is_environment_file, resolved
-from fieldtruth.experiment.fields import Frozen, configuration_error
+from fieldtruth.experiment.fields import Frozen, validated_as
 from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.environments import find_environment
 from fieldtruth.world.environments.layout import PLANTINGS, GroundConfig
@@ -140,10 +139,7 @@ def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str
 
 
 def _check(environment: str, layout: Mapping[str, Any], where: str) -> None:
-    try:
-        layout_model(environment).model_validate(dict(layout))
-    except ValidationError as report:
-        raise configuration_error(layout_model(environment), report, where) from report
+    validated_as(layout_model(environment), layout, where)
     for key, path in files_of(layout):
         if not path.is_file():
             raise ConfigurationError(f"{where}: {key}: {'a folder' if path.is_dir() else 'no such file'}: {path}")

@@ -11,10 +11,10 @@ from itertools import product
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
 from fieldtruth.core.classes import CLASSES, OF_ACTORS, OF_MAPS, ClassTable, Label, SemanticClass, as_key
-from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, configuration_error
+from fieldtruth.experiment.fields import Frozen, Integer, LocatedError, validated_as
 from fieldtruth.world.environments import PAPER
 
 CLASSES_KEY: Final = "classes"
@@ -118,10 +118,7 @@ def with_own(layout: Mapping[str, Any], classes: ClassTable = CLASSES, source: s
     own = layout.get(CLASSES_KEY)
     if not own:
         return classes
-    try:
-        return class_table(ClassesConfig(classes=own).classes, classes)
-    except ValidationError as report:
-        raise configuration_error(ClassesConfig, report, source) from report
+    return class_table(validated_as(ClassesConfig, {"classes": own}, source).classes, classes)
 
 
 def as_layout(classes: ClassTable) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from pydantic import Field, model_validator
 
 from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
-from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Positive, Rate
+from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Positive, Rate, part
 from fieldtruth.experiment.imaging_config import OPTICAL, Imager, ImagingConfig, LensConfig
-from fieldtruth.experiment.sensor_config import FrameName, Section, SensorName, SignalConfig, TopicName, part
+from fieldtruth.experiment.sensor_config import FrameName, Section, SensorName, SignalConfig, TopicName
 
 CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""

@@ -115,6 +115,15 @@ class DenseCloud(NamedTuple):
             part[number[inside]] = value[inside]
         return cls(*parts)
 
+    @classmethod
+    def of_points(cls, config: LidarConfig, cloud: NDArray[np.void]) -> "DenseCloud":
+        """Return the values of points with the fields of a message."""
+        xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
+        part = cloud["part"] if config.parts else np.zeros(len(cloud), np.uint8)
+        zeros = np.zeros(len(cloud), np.float32)
+        passing = np.stack([cloud[name] if config.passability else zeros for name in PASSING], axis=-1)
+        return cls.of(config, cloud["column"], cloud["ring"], (xyz, cloud["label"], cloud["instance"], part, passing))
+
     def first(self, count: int) -> "DenseCloud":
         """The values of the first ``count`` rays."""
         return DenseCloud._make(values[:count] for values in self)
@@ -382,15 +391,8 @@ class RetracedClouds(Checker):
         """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
         config = self._configs[raw.topic]
         try:
-            measured = read.points(message)
-            directions = rays_at(config, raw.stamp_ns)
-            cloud = ideal_points(measured, config, directions)
-            xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            part = cloud["part"] if config.parts else np.zeros(len(cloud), np.uint8)
-            zeros = np.zeros(len(cloud), np.float32)
-            passing = np.stack([cloud[name] if config.passability else zeros for name in PASSING], axis=-1)
-            values = xyz, cloud["label"], cloud["instance"], part, passing
-            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], values)
+            measured, directions = read.points(message), rays_at(config, raw.stamp_ns)
+            bag = DenseCloud.of_points(config, ideal_points(measured, config, directions))
         except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
@@ -401,8 +403,7 @@ class RetracedClouds(Checker):
         passes = np.zeros((len(scan.top), 2), np.float32)
         if config.passability:
             passes = self._rebuilt.passability.of(scan.top, scan.label)
-        values = scan.xyz, scan.label, scan.instance, scan.part, passes
-        own = DenseCloud.of(config, scan.column, scan.ring, values)
+        own = DenseCloud.of(config, scan.column, scan.ring, (scan.xyz, scan.label, scan.instance, scan.part, passes))
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:

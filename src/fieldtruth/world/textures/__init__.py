@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.world.library import Entry, Section, validated
-from fieldtruth.world.textures import strewn, surfaces  # noqa: F401  (register drawings)
+from fieldtruth.world.textures import plants, strewn, surfaces  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
 
 

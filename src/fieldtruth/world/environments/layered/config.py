@@ -13,18 +13,10 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    PlainValidator,
-    ValidationError,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, create_model, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, PartError, Positive, configuration_error
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number, Positive, part, validated_as
 from fieldtruth.world.environments.layered.beds import Beds
 from fieldtruth.world.environments.layered.expressions import DRAWN, Constant, Expression
 from fieldtruth.world.environments.layered.land import PLACE, Beyond
@@ -129,10 +121,7 @@ def _layer(given: Any) -> Layer:
     kind = given.get("type", "objects") if isinstance(given, Mapping) else "objects"
     if not isinstance(kind, str) or kind not in LAYERS:
         raise ValueError(f"unknown type {kind!r}; {suggestion(str(kind), LAYERS)}")
-    try:
-        return LAYERS[kind].model_validate(given)
-    except ValidationError as report:
-        raise PartError(LAYERS[kind], report) from report
+    return part(LAYERS[kind], given)
 
 
 LAYERS: Final[dict[str, type[Layer]]] = {"objects": Objects, "beds": Beds, "power_line": PowerLine}
@@ -279,8 +268,8 @@ class Description(Frozen):
         reliefs = {f"surroundings.{key}.relief": grid.relief for key, grid in self.surroundings.items()}
         for at, layers in {**reliefs, "relief": self.relief}.items():
             yield from ((f"{at}.{key}", rule, flat, nodes if drawn else set()) for key, rule, drawn in rules_of(layers))
-        for section, part in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
-            yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (part.rules() if part else ()))
+        for section, each in (("water", self.water), ("trail", self.trail), ("puddles", self.puddles)):
+            yield from ((f"{section}.{key}", rule, known, set()) for key, rule in (each.rules() if each else ()))
         for key, layer in self.objects.items():
             objects.add(key)  # its own: the border of beds
             yield from ((f"objects.{key}.{name}", rule, known | objects, set()) for name, rule in layer.rules())
@@ -334,10 +323,7 @@ def _check_along(key: str, along: Along | None, lines: Iterable[str], fields: It
 def _described(name: str, content: Entry, path: Path) -> Description:
     """Read the layers of an environment's file; those of its plants are in ``layout.PLANTINGS``."""
     layers = {key: value for key, value in content.items() if key not in PLANTED}
-    try:
-        description = Description.model_validate(layers)
-    except ValidationError as report:
-        raise configuration_error(Description, report, str(path)) from report
+    description = validated_as(Description, layers, str(path))
     for season, species in description.seasonal.items():
         try:
             check_plants(name, species)

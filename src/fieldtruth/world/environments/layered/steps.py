@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
-from pydantic import Field, PlainValidator, ValidationError, model_validator
+from pydantic import Field, PlainValidator, model_validator
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.fields import Integer, Number, PartError, Positive
+from fieldtruth.experiment.fields import Integer, Number, Positive, part
 from fieldtruth.world.environments.layered.expressions import Constant, Expression
 from fieldtruth.world.environments.layered.fields import Fields, rng_of
 from fieldtruth.world.environments.layered.sections import Amount, Distance, Rule, Ruled
@@ -164,10 +164,7 @@ def step_of(given: Any) -> Expression | Step:
     [(name, values)] = given.items()
     if name not in STEPS:
         raise ValueError(f"unknown step {name!r}; {suggestion(str(name), STEPS)}")
-    try:
-        return STEPS[name].model_validate(values)
-    except ValidationError as report:
-        raise PartError(STEPS[name], report, (name,)) from report
+    return part(STEPS[name], values, name)
 
 
 Relief = Annotated[Expression | Step, PlainValidator(step_of)]
