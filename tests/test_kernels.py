@@ -16,8 +16,8 @@ from fieldtruth.core.cache import import_closure
 
 ROOT = Path(fieldtruth.__file__).parents[1]
 MODULES = [f"fieldtruth.kernels.{info.name}" for info in pkgutil.iter_modules(kernels.__path__)]
-COMPILERS = ("compile", "packets", "bare", "swaying")
-"""Modules that use Numba itself: the decorators, and the signatures of Embree's functions."""
+COMPILERS = ("compile", "packets", "bare", "swaying", "addresses")
+"""Modules that use Numba itself: the decorators, the signatures of Embree's functions, and pointers."""
 
 
 @pytest.mark.parametrize("module", MODULES)

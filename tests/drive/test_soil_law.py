@@ -14,6 +14,7 @@ from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.kernels.ruts import CELLS, NO_RUTS, RutTable
 from fieldtruth.kernels.soil import (
+    Mixture,
     Wheels,
     compaction,
     mix_soils,
@@ -155,8 +156,9 @@ def advance(
         sinkage=np.empty(4),
         ahead=np.tile((1.0, 0.0, 0.0), (4, 1)),
     )
+    mixture = Mixture(SOILS_HERE, GROUND, ruts, TYRE, np.empty(len(SOILS_HERE)))
     for _ in range(round(seconds / 0.001)):
-        step_soil(SOILS_HERE, GROUND, ruts, TYRE, wheels, state, 0.001)
+        step_soil(mixture, wheels, state, 0.001)
     return wheels
 
 

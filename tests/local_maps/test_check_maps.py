@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``validate`` of maps: they pass as they were written, and one flipped cell of each kind of layer is found."""
 
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -15,9 +16,12 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
 from fieldtruth import cli, world_maps
+from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
+from fieldtruth.cost import tiles, write_cost_map
+from fieldtruth.cost.check import validate_cost_map
 from fieldtruth.exporters import MapOptions, export
-from fieldtruth.local_maps import LocalMaps, check
+from fieldtruth.local_maps import LocalMaps, check, world_of_run
 from fieldtruth.local_maps.check import validate_map
 from fieldtruth.validation import Check, runner
 from fieldtruth.world import build
@@ -183,6 +187,48 @@ def test_maps_around_the_robot_are_checked_with_their_run(
     lines = capsys.readouterr().out.splitlines()
     assert re.match("pass +bag +whole$", lines[0])
     assert re.match(r"FAIL +local maps +.*map\.yaml does not describe maps around a robot$", lines[-2])
+
+
+@pytest.mark.usefixtures("in_park")
+def test_costs_in_maps_around_the_robot_are_those_of_the_map_of_costs_and_driven_again(
+    brief_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One changed cost is found in a map around the robot, and one in the map of costs that is beside them."""
+    run = tmp_path / brief_run.name
+    shutil.copytree(brief_run, run)
+    opened = open_run(run)
+    x, y = opened.trajectory.position[0, :2].tolist()
+    asked = {"headings": 2, "resolution": 0.5, "area": [x - 0.5, y - 0.5, x + 0.5, y + 0.5], "workers": 1}
+    monkeypatch.setattr(tiles, "cache_folder", lambda: tmp_path / "cache")
+    cost = write_cost_map(world_of_run(opened), tmp_path / "c.npz", to="npz", rig=opened.rig, **asked)
+    chosen = MapOptions(side=3.0, resolution=0.25, layers=["ground", "energy_v1", "passes_v1", "free"], cost=cost)
+    maps = export(run, "local-maps", workers=1, maps=chosen)
+    assert (maps / "costs.npz").read_bytes() == cost.read_bytes()
+
+    assert cli.main(["validate", "--json", str(maps)]) == 0
+    names = [each["name"] for each in json.loads(capsys.readouterr().out)["checks"] if each["passed"]]
+    assert names == ["local maps", "costs", "costs by drives"]
+    made = LocalMaps(run, **chosen.given(), workers=1)
+    monkeypatch.setattr(check, "LocalMaps", lambda *_, **__: made)  # once is enough for what follows
+
+    def changed(path: Path, name: str, cell: tuple[int, int]) -> None:
+        with np.load(path) as file:
+            layers = dict(file)
+        assert np.isfinite(layers[name][cell])
+        layers[name][cell] += 0.5
+        np.savez(path, allow_pickle=False, **layers)
+
+    path = min(maps.glob("[0-9]*.npz"))
+    changed(path, "energy_v1", (6, 6))
+    wrong = result(maps, "local maps")
+    assert wrong.passed is False
+    assert ": 1 of " in wrong.text
+    assert f"first {path.name}, energy_v1, cell" in wrong.text
+    for name in ("energy_v1", "energy_v1_h000", "energy_v1_h180"):  # so that the mean fits
+        changed(maps / "costs.npz", name, (0, 0))
+    assert [each.passed for each in validate_cost_map(maps / "costs.npz")] == [True, False]
+    (maps / "costs.npz").unlink()
+    assert "not costs and what follows from them, without costs.npz" in result(maps, "local maps").text
 
 
 def test_map_of_a_site_is_made_in_its_world(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,7 +85,7 @@ def _annotate(options: argparse.Namespace) -> None:
 def _validate(options: argparse.Namespace) -> int:
     from fieldtruth.bag.file import runs_of_robots
     from fieldtruth.cost.check import has_costs, validate_cost_map
-    from fieldtruth.local_maps.check import is_map, maps_in, validate_map
+    from fieldtruth.local_maps.check import costs_in, is_map, maps_in, validate_map
     from fieldtruth.validation import Check, as_json, as_text
     from fieldtruth.validation.runner import validate
 
@@ -93,15 +93,17 @@ def _validate(options: argparse.Namespace) -> int:
     for path in map(Path, robots or [options.run_path]):
         with show_progress() as progress:
             own = {"workers": options.workers, "progress": progress}
-            maps = [path] if is_map(path) else maps_in(path) * (not options.quick)
+            alone = is_map(path)
+            maps = [path] if alone else maps_in(path) * (not options.quick)
+            maps += [costs for each in maps for costs in costs_in(each)]
             checks = list[Check]()
-            if maps != [path]:
+            if not alone:
                 checks += validate(path, quick=options.quick, full=options.full, samples=options.samples, **own)
             for each in maps:
                 try:
                     checks += (validate_cost_map if has_costs(each) else validate_map)(each, **own)
                 except FieldtruthError as error:
-                    if maps == [path]:
+                    if alone:
                         raise
                     checks.append(Check("local maps", False, str(error)))  # beside those of the run
         heading = f"{path}:\n" * bool(robots and not options.json)

@@ -122,17 +122,22 @@ def write_cost_map(
         target.parent.mkdir(parents=True, exist_ok=True)
         layers: Layers = {name: np.zeros(grid.shape, row.dtype) for name, row in table.items()}
         for speed in speeds:
-            with progress.stage(f"drive at {speed:g} m/s", float(grid.shape[0] * grid.shape[1])) as advance:
-                for cells, costs in made_tiles(world, order, speed, workers or cpu_count()):
-                    for name, values in named_layers(costs, speed):
-                        layers[name][cells] = values
-                    advance(float(costs.cause[..., 0].size))
+            _fill(layers, world, order, speed, workers or cpu_count(), progress)
         with progress.stage("write the map"), atomic_output(target) as part:
             names = {"causes": {int(cause): text for cause, text in CAUSE_TEXTS.items()}}
             FORMATS[to].write(MadeMap(world, grid, layers, names, table, rig.model_dump(mode="json")), part)
             if overwrite:
                 remove(target)
     return target
+
+
+def _fill(layers: Layers, world: World, order: Order, speed: float, workers: int, progress: Progress) -> None:
+    """Drive over all tiles at a speed [m/s], and write their costs to the layers."""
+    with progress.stage(f"drive at {speed:g} m/s", float(order.grid.shape[0] * order.grid.shape[1])) as advance:
+        for cells, costs in made_tiles(world, order, speed, workers):
+            for name, values in named_layers(costs, speed):
+                layers[name][cells] = values
+            advance(float(costs.cause[..., 0].size))
 
 
 def named_layers(costs: Costs, speed: float) -> Iterator[tuple[str, np.ndarray]]:

@@ -42,6 +42,7 @@ from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.rig import Box, Rig, chassis_box, rollers
 from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
+from fieldtruth.kernels.stepping import ramp_commands, turn_wheels
 from fieldtruth.world.model import Collider, Heightfield, World
 
 _HUSKY: Final = RobotConfig()
@@ -121,17 +122,17 @@ def skid_compensation(wheels: WheelConfig) -> float:
 def wheel_speeds(commands: ArrayLike, wheels: WheelConfig) -> Array:
     """Wheel speeds (..., n) [rad/s], by ``wheels.names``, for commands (..., 2) of speed and turn rate."""
     asked = np.asarray(commands, np.float64)
-    speed, side = asked[..., :1], asked[..., 1:] * wheels.half_track * skid_compensation(wheels)
     speeds = np.empty((*asked.shape[:-1], len(wheels.names)))
-    speeds[..., ::2], speeds[..., 1::2] = (speed - side) / wheels.radius, (speed + side) / wheels.radius
+    flat = np.ascontiguousarray(asked).reshape(-1, 2), speeds.reshape(-1, len(wheels.names))
+    turn_wheels(flat[0], wheels.half_track, skid_compensation(wheels), wheels.radius, flat[1])
     return speeds
 
 
 def ramp(current: Command, target: Command, times: ArrayLike, robot: RobotConfig) -> Array:
     """Commands (n, 2) at ``times`` (n,) [s] from now on, towards ``target`` within the robot's acceleration limits."""
     change = np.asarray(times)[:, None] * (robot.max_acceleration, robot.max_turn_acceleration)
-    now = np.array(current)
-    commands: Array = np.minimum(np.maximum(target, now - change), now + change)
+    commands = np.empty(change.shape)
+    ramp_commands((current.speed, current.turn_rate), (target.speed, target.turn_rate), change, commands)
     return commands
 
 

@@ -45,6 +45,7 @@ from fieldtruth.drive.track import (
 from fieldtruth.experiment.config import Experiment, RouteConfig, geodetic_route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.kernels.ruts import RutTable
+from fieldtruth.kernels.stepping import Record, motor_work
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -467,30 +468,38 @@ class SimulatedRobot:
     def drive(self, count: int) -> Array:
         """Drive ``count`` physics steps towards the target and return the state after each, (count, 13 + 2 wheels)."""
         here, (begun, target, since) = self.surroundings, self._ramp
-        model, data, contacts, stems = here.model, here.data, here.contacts, self.stems
-        qpos, qvel, ctrl, torques = data.qpos, data.qvel, data.ctrl, data.actuator_force
+        data, first, done = here.data, self.steps, 0
         commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * self._step_s, self._rig.robot)
         driven = wheel_speeds(commands, self._rig.wheels)
-        base, angles, turning = qpos[:7], qpos[7:], _WHEELS + driven.shape[1]
-        states, efforts = np.empty((count, len(qpos) + len(qvel))), np.empty(driven.shape)
-        for state, effort, speeds in zip(states, efforts, driven, strict=True):
-            ctrl[:] = speeds
-            if self.steps % self._every == 0:
-                here.is_near_ground = here.hull.is_near_ground(qpos)
-            contacts.update()
-            if stems is not None:
-                stems(data, self.steps * self._step_s, self._step_s)
-            mujoco.mj_step(model, data)
-            self.steps += 1
-            effort[:] = torques
-            state[:7], state[7:turning], state[turning:] = base, qvel, angles
-            if contacts.read():
-                self._monitor.touch(*here.touched(), self.seconds, state[:3])
-        powers = np.maximum(efforts * states[:, _WHEELS:turning], 0.0).sum(axis=1)
+        states, efforts = np.empty((count, len(data.qpos) + len(data.qvel))), np.empty(driven.shape)
+        record = Record(driven, states, efforts, data.ctrl, data.actuator_force)
+        while done < count:
+            if self.stems is None and here.is_compiled:
+                done, touches = here.make_steps(record, first, self._every, done)
+            else:
+                done, touches = done + 1, self._make_step(record, done)
+            self.steps = first + done
+            if touches:
+                self._monitor.touch(*here.touched(), self.seconds, states[done - 1, :3])
         if count:
-            self.work += float(np.cumsum(powers)[-1]) * self._step_s  # in the order of the steps, as a sum is not
+            self.work += motor_work(efforts, states, _WHEELS, self._step_s)
             self._ramp, self._command, self._xy = (begun, target, since + count), Command(*commands[-1]), states[-1, :2]
         return states
+
+    def _make_step(self, record: Record, row: int) -> bool:
+        """Make the step of a row of a record from Python; return whether the robot touches more than the ground."""
+        here = self.surroundings
+        data, turning = here.data, _WHEELS + record.driven.shape[1]
+        record.ctrl[:] = record.driven[row]
+        if self.steps % self._every == 0:
+            here.is_near_ground = here.hull.is_near_ground(data.qpos)
+        here.contacts.update()
+        if self.stems is not None:
+            self.stems(data, self.steps * self._step_s, self._step_s)
+        mujoco.mj_step(here.model, data)
+        record.torques[row], state = record.actuator_force, record.states[row]
+        state[:7], state[7:turning], state[turning:] = data.qpos[:7], data.qvel, data.qpos[7:]
+        return here.contacts.read()
 
 
 def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:

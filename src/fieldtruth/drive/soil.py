@@ -23,7 +23,7 @@ from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
 from fieldtruth.kernels.ruts import NO_RUTS
-from fieldtruth.kernels.soil import Grid, Ground, Tyre, Wheels, mix_ruts, sinkage, step_soil
+from fieldtruth.kernels.soil import Grid, Ground, Mixture, Tyre, Wheels, mix_ruts, sinkage, step_soil
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]
@@ -77,8 +77,13 @@ class SoilContact:
         cover, trails = _grid(terrain.cover), _grid(terrain.other_ground)
         self._ground: Ground = cover, trails, _grid(_NO_STONES), terrain.border_width
         self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
-        self._step_s = step_s
+        self.step_s, self._weights = step_s, np.empty(len(self._soils))
         self.state, self.ruts = np.zeros((len(wheels.names), 3)), NO_RUTS
+
+    @property
+    def mixture(self) -> Mixture:
+        """Soils where the wheels are."""
+        return Mixture(self._soils, self._ground, self.ruts, self._tyre, self._weights)
 
     def enter(self, part: World) -> None:
         """Find the stones of the part of the world in which the wheels are from now on."""
@@ -87,7 +92,7 @@ class SoilContact:
 
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
-        step_soil(self._soils, self._ground, self.ruts, self._tyre, wheels, self.state, self._step_s)
+        step_soil(self.mixture, wheels, self.state, self.step_s)
 
 
 def sinkage_at(world: World, wheels: WheelConfig, load: float, x: Array, y: Array) -> Array:

@@ -26,7 +26,7 @@ Contacts. Before every step the plane of each wheel is laid, and the soil makes 
 slip. The planes are bodies without a velocity for MuJoCo, so its contact damping sees the motion of the wheel alone; a
 plane that is shifted or turned within itself moves nothing. MuJoCo looks for contacts between chassis and ground only
 where the ground is near: on ground of 5 cm that search takes a quarter of a step's time, and nearly always finds
-nothing.
+nothing. Steps that compiled code makes (``kernels.stepping``) look for contacts with obstacles only near these, too.
 
 Parts. A part begins with the state of the one before. Its ground and obstacles are the same where both have them, but
 MuJoCo's positions are relative to a part's corner and its obstacles have other numbers, so that a drive over several
@@ -43,12 +43,23 @@ from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.ground import WorldParts, bearing_field
-from fieldtruth.drive.physics import CHASSIS_BIT, Other, body_boxes, build_physics, other_body, plane_geom, supports
+from fieldtruth.drive.physics import (
+    CHASSIS_BIT,
+    OUTLINE_BIT,
+    Other,
+    body_boxes,
+    build_physics,
+    other_body,
+    plane_geom,
+    supports,
+)
 from fieldtruth.drive.soil import SoilContact
+from fieldtruth.drive.stepping import engine_of
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.kernels.soil import OTHER, Wheels, pull, sort_loads
+from fieldtruth.kernels.stepping import Bed, Obstacles, Record, Underside, make_steps
 from fieldtruth.kernels.tyre import Patches, SmoothGround, clearance, press
 from fieldtruth.world.model import Heightfield, World
 
@@ -60,6 +71,8 @@ EVERY: Final = 20
 NEAR: Final = 0.05
 """Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 4 cm at 5 m/s where a slope of 20 deg
 begins."""
+_FASTEST: Final = 25.0
+"""Speed [m/s] at which a robot could come to an obstacle from one look to the next: that of a fall of 32 m."""
 _PITCH: Final = 0.1
 """Greatest distance [m] between the points of the chassis at which the ground below is looked up."""
 REACH: Final = 20.0
@@ -106,43 +119,50 @@ class WheelContacts:
         self._data = data
         self._soil = soil
         bearing, count, n = supports(rig), len(supports(rig)), len(rig.wheels.names)
-        self._treads = np.array([Tread(s.radius, s.width / 2, s.deflection(rig.robot)) for s in bearing])
-        self._ground = smooth_ground(field, Tread(self._treads[:, 0].min(), self._treads[:, 1].max(), 0.0))
-        self._hubs = np.array([support.hub for support in bearing])
-        self._patches = Patches(
+        treads = np.array([Tread(s.radius, s.width / 2, s.deflection(rig.robot)) for s in bearing])
+        patches = Patches(
             data.mocap_pos[:count], data.mocap_quat[:count], np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
         )
-        self._load, self._sinkage = np.zeros(count), np.zeros(count)
+        # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
+        kind, planes = np.full(model.ngeom, OTHER), [plane_geom(support.geom) for support in bearing]
+        kind[[model.geom(name).id for name in (*planes, "ground")]] = range(count + 1)
+        first = model.body(rig.wheels.names[0]).id
+        self.bed = Bed(
+            ground=smooth_ground(field, Tread(treads[:, 0].min(), treads[:, 1].max(), 0.0)),
+            treads=treads,
+            hubs=np.array([support.hub for support in bearing]),
+            qpos=data.qpos,
+            qvel=data.qvel,
+            sinkage=np.zeros(count),
+            patches=patches,
+            load=np.zeros(count),
+            force=data.xfrc_applied[first : first + n, :3],
+            kind=kind,
+        )
         self.wheels = Wheels(
             position=data.mocap_pos[:n],
-            load=self._load[:n],
-            velocity=self._patches.velocity[:n],
-            rolling=self._patches.rolling[:n],
+            load=self.bed.load[:n],
+            velocity=patches.velocity[:n],
+            rolling=patches.rolling[:n],
             friction=model.pair_friction[:n, :2],
             drag=np.zeros(n),
             torque=data.qfrc_applied[-n:],
-            sinkage=self._sinkage[:n],
-            ahead=self._patches.forward[:n],
+            sinkage=self.bed.sinkage[:n],
+            ahead=patches.forward[:n],
         )
-        # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
-        self._kind = np.full(model.ngeom, OTHER)
-        planes = [plane_geom(support.geom) for support in bearing]
-        self._kind[[model.geom(name).id for name in (*planes, "ground")]] = range(count + 1)
-        self._state = data.qpos, data.qvel
-        first = model.body(rig.wheels.names[0]).id
-        self._force = data.xfrc_applied[first : first + n, :3]
 
     def update(self) -> None:
         """Lay the planes for the next step, and let the soil act."""
-        press(self._ground, self._treads, self._hubs, *self._state, self._sinkage, self._patches)
+        bed = self.bed
+        press(bed.ground, bed.treads, bed.hubs, bed.qpos, bed.qvel, bed.sinkage, bed.patches)
         if self._soil is not None:
             self._soil(self.wheels)
-            pull(self._patches.forward, self.wheels.drag, self._force)
+            pull(bed.patches.forward, self.wheels.drag, bed.force)
 
     def read(self) -> bool:
         """Read the loads of the step that was made; return whether the robot touches more than the ground."""
         contacts = self._data.contact
-        return sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)
+        return sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self.bed.kind, self.bed.load)
 
 
 class Hull:
@@ -158,6 +178,12 @@ class Hull:
         low, high = box.centre - box.size / 2, box.centre + box.size / 2
         x, y = (np.linspace(low[k], high[k], int(np.ceil(box.size[k] / _PITCH)) + 1) for k in range(2))
         self._points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), low[2])], axis=-1).reshape(-1, 3)
+
+    def underside(self, model: Any, ground: int) -> Underside:
+        """Return it for compiled code; ``ground`` is the number of the geom in MuJoCo's model."""
+        field, affinity = self._field, model.geom_conaffinity
+        grid = self._highest, field.x0, field.y0, field.spacing
+        return Underside(*grid, self._points, NEAR, affinity, ground, CHASSIS_BIT)
 
     def is_near_ground(self, qpos: Array) -> bool:
         """Return whether some ground is less than ``NEAR`` below the chassis.
@@ -192,6 +218,22 @@ class Surroundings:
         self.contacts = WheelContacts(self.model, self.data, self.bearing, rig, soil)
         self.hull = Hull(self.bearing, rig)
         self._ground = self.model.geom("ground").id
+        self._engine = engine_of(self.model, self.data) if isinstance(soil, SoilContact) else None
+        self._underside = self.hull.underside(self.model, self._ground)
+        self._reach = _nearby(self.model, rig, step_s, moving=bool(others))
+
+    @property
+    def is_compiled(self) -> bool:
+        """Return whether ``make_steps`` can be called."""
+        return self._engine is not None
+
+    def make_steps(self, record: Record, first: int, every: int, done: int) -> tuple[int, bool]:
+        """Make the steps of a record that are not done, with a look at the ground every so many; see its kernel."""
+        assert self._engine is not None
+        assert isinstance(self._soil, SoilContact)
+        soil, contacts = self._soil, self.contacts
+        body = self._engine, contacts.bed, self._underside, self._reach
+        return make_steps(body, (soil.mixture, contacts.wheels, soil.state), record, (first, every, soil.step_s), done)
 
     @property
     def is_near_ground(self) -> bool:
@@ -264,7 +306,12 @@ class Surroundings:
         self.contacts.wheels.load[:] = self.contacts.wheels.sinkage[:] = 0.0
         if isinstance(self._soil, SoilContact):
             self._soil.state[:] = 0.0
+        self._look_everywhere()
+
+    def _look_everywhere(self) -> None:
+        """Let MuJoCo look for all contacts until the next look at what is near."""
         self.is_near_ground = True
+        self._reach.contype[:] = self._reach.own
 
     def save(self) -> Array:
         """Return MuJoCo's state."""
@@ -275,8 +322,23 @@ class Surroundings:
     def restore(self, state: Array, load: Array, sinkage: Array) -> None:
         """Go on with a state of ``save``, here or in another part, and the wheels' load [N] and sinkage [m]."""
         mujoco.mj_setState(self.model, self.data, state, _STATE)
+        self._look_everywhere()
         self.contacts.wheels.load[:] = load
         self.contacts.wheels.sinkage[:] = sinkage
+
+
+def _nearby(model: Any, rig: Rig, step_s: float, *, moving: bool) -> Obstacles:
+    """Return where a robot can touch obstacles before the next look; everywhere if some are ``moving``."""
+    boxes, bearing = body_boxes(rig).values(), supports(rig)
+    robot = max(
+        *(float(np.linalg.norm(np.abs(box.centre) + box.size / 2)) for box in boxes),
+        *(float(np.linalg.norm(each.hub)) + math.hypot(each.radius, each.width / 2) for each in bearing),
+    )
+    reach = robot + _FASTEST * max(EVERY * STEP_S, step_s)
+    rows = np.flatnonzero(model.geom_conaffinity & OUTLINE_BIT)
+    radii = np.full(len(rows), np.inf) if moving else model.geom_rbound[rows] + reach
+    spheres = np.column_stack([model.geom_pos[rows], radii])
+    return Obstacles(spheres, model.body_contype, model.body_contype.copy())
 
 
 def _radius(other: Other) -> float:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export the maps around the robot: an NPZ file for each cloud, and what the layers are in ``map.yaml``."""
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import yaml
 from fieldtruth.bag.run import Run
 from fieldtruth.exporters import Options
 from fieldtruth.local_maps import LocalMaps
+from fieldtruth.local_maps.costs import FILE
 from fieldtruth.world_maps.files import ABOUT
 
 
@@ -21,7 +23,7 @@ def local_maps_of(run: Run, options: Options) -> LocalMaps | None:
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write the folder ``target``: ``STAMP.npz`` for each frame, and ``map.yaml``.
+    """Write the folder ``target``: ``STAMP.npz`` for each frame, ``map.yaml``, and the map of costs if there is one.
 
     Each has the layers (n, n) over x and y of the world, ``x0``, ``y0``, ``resolution``, ``stamp_ns``,
     ``world_from_base`` (4, 4), ``free_distance`` (360,) and ``free_polygon`` (360, 2).
@@ -32,6 +34,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (run,) = runs
     maps = LocalMaps(run, **options.maps.given(), workers=options.workers, progress=options.progress)
     target.mkdir()
+    if options.maps.cost is not None:
+        shutil.copyfile(options.maps.cost, target / FILE)  # by which ``validate`` makes the costs again
     (target / ABOUT).write_text(yaml.safe_dump(maps.describe(), sort_keys=False), encoding="utf-8")
 
     def save(stamp_ns: int) -> None:

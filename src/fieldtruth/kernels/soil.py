@@ -204,12 +204,21 @@ def _rut_ahead(ruts: RutTable, wheels: Wheels, k: int, reach: float) -> float:
     return float(rut_depth(ruts, x, y))
 
 
-@kernel(allocates=True)
-def step_soil(
-    soils: Array, ground: Ground, ruts: RutTable, tyre: Tyre, wheels: Wheels, state: Array, dt: float
-) -> None:
+class Mixture(NamedTuple):
+    """Soils (n, 7), what says where each is, ruts, the tyre that rolls on them, and memory (n,) for their shares."""
+
+    soils: Array
+    ground: Ground
+    ruts: RutTable
+    tyre: Tyre
+    weights: Array
+
+
+@kernel
+def step_soil(mixture: Mixture, wheels: Wheels, state: Array, dt: float) -> None:
     """Advance ``state`` (n, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
-    weights, count = np.empty(len(soils)), len(state)
+    soils, ground, ruts, tyre, weights = mixture
+    count = len(state)
     for k in range(count):
         state[k, _MEAN_LOAD] += (wheels.load[k] - state[k, _MEAN_LOAD]) * min(dt / LOAD_SECONDS, 1.0)
     # How a stiff chassis divides its weight between the two diagonals depends on tenths of a millimetre of the ground.

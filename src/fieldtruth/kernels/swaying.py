@@ -12,10 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.addresses import at, singles_at, words_at
 from fieldtruth.kernels.compile import callback, inlined, kernel
 from fieldtruth.kernels.packets import LANES, RAY_WORDS, SPARE
 
@@ -29,22 +29,6 @@ _VALID, _GEOMETRY, _ELEMENT, _CONTEXT, _RAYS, _NUMBER = range(6)  # words of the
 _LOW: Final = np.uint64(0xFFFFFFFF)
 _HALF: Final = np.uint64(32)
 _TIME = 7 * LANES
-
-
-def _pointer_to(kind: Any) -> Any:
-    """Return a function that makes an address a pointer; ``numba.carray`` would count references."""
-
-    def make(_context: Any, _address: Any) -> Any:
-        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-            return builder.inttoptr(values[0], context.get_value_type(kind))
-
-        return kind(types.uint64), generate
-
-    return intrinsic(make)
-
-
-_pointer: Any = types.CPointer
-_at, _words, _floats = (_pointer_to(t) for t in (types.voidptr, _pointer(types.uint64), _pointer(types.float32)))
 
 
 @kernel(inner=True)
@@ -83,37 +67,37 @@ def _turn(begin: Any, end: Any, ray: Any, out: Any) -> None:
 @inlined
 def _enter(given: Any) -> tuple[Any, Any, np.uint32, np.uint32]:
     """Write the rays of a packet in the frame of an element; return its scene, these rays, and the two numbers."""
-    geometry, element = _words(given[_GEOMETRY]), given[_ELEMENT] & _LOW
+    geometry, element = words_at(given[_GEOMETRY]), given[_ELEMENT] & _LOW
     offset = np.uint64(48) * element
-    begin, end = _floats(geometry[BEGIN] + offset), _floats(geometry[END] + offset)
+    begin, end = singles_at(geometry[BEGIN] + offset), singles_at(geometry[END] + offset)
     rays = given[_CONTEXT] + np.uint64(SPARE)
-    _turn(begin, end, _floats(given[_RAYS]), _floats(rays))
-    scene = _words(geometry[SCENES] + np.uint64(8) * element)[0]
-    return scene, _at(rays), np.uint32(given[_NUMBER] >> _HALF), np.uint32(element)
+    _turn(begin, end, singles_at(given[_RAYS]), singles_at(rays))
+    scene = words_at(geometry[SCENES] + np.uint64(8) * element)[0]
+    return scene, at(rays), np.uint32(given[_NUMBER] >> _HALF), np.uint32(element)
 
 
 @callback
 def meet(address: Any) -> None:
     """Find the first hits of a packet on an element (RTCIntersectFunctionN)."""
-    given = _words(address)
+    given = words_at(address)
     scene, rays, number, element = _enter(given)
-    _intersect(_at(given[_VALID]), _at(address), scene, rays, number, element)
+    _intersect(at(given[_VALID]), at(address), scene, rays, number, element)
 
 
 @callback
 def block(address: Any) -> None:
     """Find which rays of a packet an element blocks (RTCOccludedFunctionN)."""
-    given = _words(address)
+    given = words_at(address)
     scene, rays, number, element = _enter(given)
-    _occluded(_at(given[_VALID]), _at(address), scene, rays, number, element)
+    _occluded(at(given[_VALID]), at(address), scene, rays, number, element)
 
 
 @callback
 def bound(address: Any) -> None:
     """Copy the box of an element (RTCBoundsFunction)."""
-    given = _words(address)
-    boxes, out = _words(given[0])[BOUNDS], _floats(given[2])
-    box = _floats(boxes + np.uint64(32) * (given[1] & _LOW))
+    given = words_at(address)
+    boxes, out = words_at(given[0])[BOUNDS], singles_at(given[2])
+    box = singles_at(boxes + np.uint64(32) * (given[1] & _LOW))
     for k in range(8):
         out[k] = box[k]
 

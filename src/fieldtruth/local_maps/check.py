@@ -24,6 +24,7 @@ from fieldtruth.core.parallel import check_memory, cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.environment_file import environment_of
 from fieldtruth.local_maps import OWN, LocalMaps
+from fieldtruth.local_maps.costs import FILE
 from fieldtruth.local_maps.rays import HEIGHTS, wrong_heights
 from fieldtruth.validation.check import Check, Count, Rule, Spec, Tally
 from fieldtruth.world import build
@@ -90,8 +91,15 @@ def maps_in(path: Path) -> list[Path]:
     return sorted(each for each in path.glob(f"*{SUFFIX}") if is_map(each)) if path.is_dir() else []
 
 
+def costs_in(path: Path) -> list[Path]:
+    """Return the map of costs that is in a folder of maps around a robot."""
+    return [path / FILE] * (path / FILE).is_file()
+
+
 def validate_map(path: Path | str, *, workers: int | None = None, progress: Progress | None = None) -> list[Check]:
     """Check a map that ``fieldtruth map`` wrote, or maps around the robot, which are in the folder of their run.
+
+    Costs in maps around the robot are those of ``costs.npz`` beside them, for which there is ``validate_cost_map``.
 
     Args:
         path: an NPZ file, a folder of GeoTIFFs, a bag of a grid map, or a folder of maps around a robot.
@@ -122,16 +130,19 @@ def validate_map(path: Path | str, *, workers: int | None = None, progress: Prog
 
 
 def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> list[Check]:
-    """Make all maps around the robot again but what follows from a map of costs, which has a check of its own."""
+    """Make all maps around the robot again, with the map of costs that is beside them and has a check of its own."""
     try:
         about = yaml.safe_load((folder / ABOUT).read_text(encoding="utf-8"))
         side, resolution = float(about["side"]), float(about["resolution"])
         names = [str(name) for name in about["layers"]]
     except (*DAMAGED, yaml.YAMLError) as error:
         raise ConfigurationError(f"{folder / ABOUT} does not describe maps around a robot") from error
-    has_costs = any(name not in LAYERS and name not in OWN for name in names)
-    own = [name for name in names if name in LAYERS or (name in OWN and not (has_costs and name == "free"))]
-    maps = LocalMaps(run, side=side, resolution=resolution, layers=own, workers=workers, progress=progress)
+    cost = next(iter(costs_in(folder)), None)
+    unknown = cost is None and any(name not in LAYERS and name not in OWN for name in names)
+    if unknown:
+        names = [name for name in names if name in LAYERS or (name in OWN and name != "free")]
+    given: dict[str, Any] = {"side": side, "resolution": resolution, "layers": names, "cost": cost}
+    maps = LocalMaps(run, **given, workers=workers, progress=progress)
     tally, rays, world = Tally(LOCAL), Tally(HEIGHT_RAYS), local_maps.world_of_run(run)
     stamps, found = maps.stamps_ns.tolist(), _stamped(folder)
     for path in sorted(path for stamp, path in found.items() if stamp not in stamps):
@@ -145,12 +156,12 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
             tally[SAME_CELLS].add(1, 1, f"{path.name}, which {what}")
             continue
         due: dict[str, NDArray[Any]] = {**made.layers, "world_from_base": made.world_from_base}
-        if not has_costs:
+        if not unknown:
             due |= {"free_distance": made.free_distance, "free_polygon": made.free_polygon}
         for name, values in due.items():
             compare(tally[SAME_CELLS], f"{path.name}, {name}", stored.get(name), values)
         _trace(rays[SAME_HEIGHTS], world, made.grid, stored, RAYS // 8)
-    tally.note = "not costs and what follows from them" * has_costs
+    tally.note = f"not costs and what follows from them, without {FILE}" * unknown
     return [tally.result(), rays.result()]
 
 

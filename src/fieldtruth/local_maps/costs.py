@@ -4,7 +4,7 @@
 
 import zipfile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from fieldtruth.world.model import World
 from fieldtruth.world_maps.files import identity
 from fieldtruth.world_maps.layers import Grid, Layer, Layers
 
+FILE: Final = "costs.npz"
+"""Copy of the map of costs in a folder of maps around a robot."""
 _UNITS = {"tilt": "rad", "peak": "m/s2", "rms": "m/s2", "energy": "J/m", "time": "s/m"}
 
 

@@ -395,15 +395,8 @@ class RetracedClouds(Checker):
             bag = DenseCloud.of_points(config, ideal_points(measured, config, directions))
         except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout
-        lidars = vars(self._own)
-        if config.name not in lidars:
-            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
-        scan = lidars[config.name].scan(*aimed)
-        passes = np.zeros((len(scan.top), 2), np.float32)
-        if config.passability:
-            passes = self._rebuilt.passability.of(scan.top, scan.label)
-        own = DenseCloud.of(config, scan.column, scan.ring, (scan.xyz, scan.label, scan.instance, scan.part, passes))
+        own = self._scanned(config, aimed)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:
@@ -437,6 +430,18 @@ class RetracedClouds(Checker):
         if config.signal is None and not self._context.made_elsewhere:
             tally[EQUAL_CLOUDS].see(equal, at(raw))
         return [tally, self._reference.compare(tally[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
+
+    def _scanned(self, config: LidarConfig, aimed: tuple[Array, int]) -> DenseCloud:
+        """Scan the rebuilt world."""
+        lidars = vars(self._own)
+        if config.name not in lidars:
+            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
+        scan = lidars[config.name].scan(*aimed)
+        passes = np.zeros((len(scan.top), 2), np.float32)
+        if config.passability:
+            passes = self._rebuilt.passability.of(scan.top, scan.label)
+        values = scan.xyz, scan.label, scan.instance, scan.part, passes
+        return DenseCloud.of(config, scan.column, scan.ring, values)
 
     def _add_noise(self, config: LidarConfig, cloud: NDArray[np.void], aimed: tuple[Array, int], columns: int) -> None:
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
