@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from export_bags import copied, without
 from numpy.typing import NDArray
-from sense_worlds import at, box, make_world
+from sense_worlds import at, box, limbed_tree, make_world
 
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.file import BagError
@@ -19,10 +19,12 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core import transforms
 from fieldtruth.core.errors import OutputError
 from fieldtruth.experiment.imaging_config import OPTICAL
+from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.amodal import WholeObjects
 from fieldtruth.exporters.kitti_object import kitti_box
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.world.boxes import object_box
@@ -105,6 +107,19 @@ def test_a_silhouette_is_that_of_the_object_alone(lens: str) -> None:
         assert found.bbox == [u.min(), v.min(), np.ptp(u) + 1, np.ptp(v) + 1]
     assert 0 < (together == 2).sum() < 0.8 * whole.silhouette(2, EYE).pixels
     assert whole.silhouette(2, transforms.pose((0.0, 0.0, 1.0), (0.0, 0.0, 180.0)) @ OPTICAL).pixels == 0
+
+
+def test_a_silhouette_of_a_tree_in_wind_has_its_limbs_where_they_are() -> None:
+    world, config, stamp = make_world([(limbed_tree(), at(8.0, 0.0, -1.0))], height=-900.0), camera_of(), 3_050_000_000
+    leaning = leaning_of(WindConfig(speed_m_s=20.0, gusts=0.5), world, 1)
+    seen = LabelCamera(config, Scene(world, leaning=leaning)).label(EYE, stamp_ns=stamp).instance == 2
+    v, u = np.nonzero(seen)
+    blown, still = WholeObjects(world, config, (), leaning), WholeObjects(world, config)
+    found = blown.silhouette(2, EYE, stamp_ns=stamp)
+    assert found.pixels == len(u)
+    assert found.bbox == [u.min(), v.min(), np.ptp(u) + 1, np.ptp(v) + 1]
+    assert found != still.silhouette(2, EYE, stamp_ns=stamp)
+    assert len(blown.parts(2, stamp)) == 3
 
 
 def test_a_silhouette_of_a_class_is_that_of_its_faces() -> None:

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,17 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world import assembly
-from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
+from fieldtruth.world.model import (
+    Collider,
+    Heightfield,
+    Instance,
+    Material,
+    Mesh,
+    Raster,
+    Terrain,
+    World,
+    merge_meshes,
+)
 
 F8 = NDArray[np.float64]
 Placed = tuple[Mesh, F8]
@@ -181,3 +192,19 @@ def scan_bytes(config: LidarConfig, scene: Scene, poses: F8, stamps: list[int]) 
     """Bytes of the scans of a new LiDAR from the same poses at stamps [ns], in their order."""
     lidar = IdealLidar(config, scene)
     return [b"".join(values.tobytes() for values in lidar.scan(poses, stamp)) for stamp in stamps]
+
+
+def limbed_tree() -> Mesh:
+    """A trunk 4 m high, with a plate of leaves on either side of it: limbs 0 (+y, 3 m up) and 1 (-y, 2 m up)."""
+    trunk = box("tree", (0.1, 0.1, 2.2), "bark")
+    vertices = [trunk.vertices + np.array([0, 0, 1.8], np.float32)]
+    for y, z in ((1.3, 3.0), (-1.3, 2.0)):
+        vertices.append(box("plate", (0.05, 1.3, 0.6)).vertices + np.array([0, y, z], np.float32))
+    return replace(
+        merge_meshes("tree", [trunk, box("a", (1, 1, 1), "leaf"), box("b", (1, 1, 1), "leaf")], footprint=1.0),
+        vertices=np.concatenate(vertices),
+        colliders=(Collider(shape="cylinder", size=(0.1, 2.0)),),
+        species=("oak",),
+        limb=np.array([-1, 0, 1], np.int16).repeat(12),
+        joints=np.array([[0, 0, 3.0], [0, 0, 2.0]], np.float32),
+    )

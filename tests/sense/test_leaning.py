@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants that lean, seen by LiDARs and cameras at each ray's own instant: closed forms, and the second tracer."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -145,15 +146,19 @@ def test_a_scan_meets_the_plane_of_a_hedge_where_it_is_at_each_rays_own_instant(
 
 def _range_of_hedge(world: World, scan: Scan, own: NDArray[np.intp], poses: F8, sign: float) -> F8:
     """Ranges on the plane of the hedge's face, whose matrix changes linearly between two knots."""
-    plants, stamps = plants_of(world), STAMP + scan.t_ns[own].astype(np.int64)
-    low, rest = np.divmod(stamps, LEAN_KNOT_NS)
-    known = dict[int, F8]()
-    for k in np.unique(np.append(low, low + 1)):
+    plants = plants_of(world)
+
+    def pose_at(k: int) -> F8:
         a, b = sign * np.array([0.2 * np.sin(0.5 * k), 0.3 * np.cos(0.5 * k)])
-        matrix = np.eye(4)
-        matrix[:3, :3] = _turn(a, b)
-        matrix[:3, 3] = plants.foot[0] - matrix[:3, :3] @ plants.foot[0]
-        known[k] = matrix @ plants.world_from_object[0]
+        return np.asarray(about(plants.foot[0], np.array([a, b, 0.0])) @ plants.world_from_object[0])
+
+    return ranges_on(scan, own, poses, pose_at, np.array([-0.2, 0.0, 0.0, 1.0]))
+
+
+def ranges_on(scan: Scan, own: NDArray[np.intp], poses: F8, pose_at: Callable[[int], F8], corner: F8) -> F8:
+    """Ranges of points on the plane through a corner, across x, of a body with a pose at each knot."""
+    low, rest = np.divmod(STAMP + scan.t_ns[own].astype(np.int64), LEAN_KNOT_NS)
+    known = {int(k): pose_at(int(k)) for k in np.unique(np.append(low, low + 1))}
     found = np.empty(len(own))
     since = (scan.t_ns[own] - sweep_times_ns(SPINNING)[scan.column[own]]) / (1e9 / SPINNING.rate_hz / SPINNING.columns)
     for n, point in enumerate(own):
@@ -163,19 +168,20 @@ def _range_of_hedge(world: World, scan: Scan, own: NDArray[np.intp], poses: F8, 
         lidar = poses[column] + since[n] * (poses[column + 1] - poses[column])
         ahead = lidar[:3, :3] @ ray_directions(SPINNING)[column, scan.ring[point]]
         ahead /= np.linalg.norm(ahead)
-        corner = (pose @ [-0.2, 0.0, 0.0, 1.0])[:3]
         normal = np.cross(pose[:3, 1], pose[:3, 2])
-        found[n] = normal @ (corner - lidar[:3, 3]) / (normal @ ahead)
+        found[n] = normal @ ((pose @ corner)[:3] - lidar[:3, 3]) / (normal @ ahead)
     return found
 
 
-def _turn(a: float, b: float) -> F8:
-    """Rotation by a horizontal vector: the matrix exponential, by its series."""
-    cross, turn, term = np.array([[0, 0, b], [0, 0, -a], [-b, a, 0.0]]), np.eye(3), np.eye(3)
+def about(foot: F8, vector: F8) -> F8:
+    """Turn (4, 4) about a point by a rotation vector: the matrix exponential, by its series."""
+    a, b, c = vector
+    cross, matrix, term = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0.0]]), np.eye(4), np.eye(3)
     for k in range(1, 20):
         term = term @ cross / k
-        turn = turn + term
-    return turn
+        matrix[:3, :3] += term
+    matrix[:3, 3] = foot - matrix[:3, :3] @ foot
+    return matrix
 
 
 def traced_again(tracer: ReferenceTracer, scan: Scan, poses: F8, stamps: NDArray[np.int64]) -> tuple[F8, F8]:

@@ -96,7 +96,7 @@ def test_gusts_are_carried_by_the_mean_wind_and_lose_coherence_across_it() -> No
 
 
 def test_a_tree_sways_at_the_published_frequency_of_its_size(world: World) -> None:
-    kinds = oscillators(world, leaning(world).plants)
+    kinds = oscillators(world, leaning(world).plants, np.random.default_rng(0))
     published = 0.0948 + 3.4317 * 100 * 2 * RADIUS / HEIGHT**2
     assert kinds.hertz[0] == pytest.approx(published)
     assert 0.2 < published < 0.6
@@ -113,7 +113,7 @@ def test_a_tree_sways_at_the_published_frequency_of_its_size(world: World) -> No
 
 
 def test_the_variance_of_a_lean_is_the_integral_of_spectrum_and_response(world: World) -> None:
-    blowing, kinds = leaning(world), oscillators(world, leaning(world).plants)
+    blowing, kinds = leaning(world), oscillators(world, leaning(world).plants, np.random.default_rng(0))
     along, across = np.array(BLOWING.heading), np.array([-BLOWING.heading[1], BLOWING.heading[0]])
     for row in (0, 2):
         mean = np.linalg.norm(blowing.causes[0]._mean[row])  # type: ignore[attr-defined]

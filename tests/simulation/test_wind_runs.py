@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sense_worlds import F8, at, box, make_world
+from sense_worlds import F8, at, box, limbed_tree, make_world
 from stepped_clouds import alike, clouds_of
 
 from fieldtruth import pipeline
@@ -20,8 +20,8 @@ from fieldtruth.simulation.stepped import Simulation
 from fieldtruth.world.model import World
 
 LIDAR = {"kind": "lidar", "columns": 256, "rings": 32, "max_range": 30.0, "spinning": True}
-WALL = 2
-"""Instance id."""
+WALL, TREE = 2, 3
+"""Instance ids."""
 
 
 def windy(**values: Any) -> Experiment:
@@ -39,10 +39,11 @@ def windy(**values: Any) -> Experiment:
 
 @pytest.fixture(name="world", scope="module")
 def _world() -> World:
-    """A wall of leaves beside the robot, whose plane is known."""
+    """A wall of leaves beside the robot, whose plane is known, and a tree with limbs on its other side."""
     wall = box("wall", (3.0, 0.05, 1.5), "leaf")
     vertices = wall.vertices + np.array([0, 0, 1.4], np.float32)
-    return make_world([(replace(wall, vertices=vertices, species=("hazel",), footprint=0.1), at(0, 4, 0))])
+    hedge = replace(wall, vertices=vertices, species=("hazel",), footprint=0.1)
+    return make_world([(hedge, at(0, 4, 0)), (limbed_tree(), at(1, -5, 0))])
 
 
 def test_steps_of_any_length_and_any_number_of_workers_give_the_same_readings(world: World, tmp_path: Path) -> None:
@@ -53,6 +54,7 @@ def test_steps_of_any_length_and_any_number_of_workers_give_the_same_readings(wo
     assert bags[0].read_bytes() == bags[1].read_bytes()
     recorded = open_run(bags[0].parent)["lidar"]
     assert len(one) == len(other) == 3
+    assert sum(np.count_nonzero(each.instance == TREE) for each in one) > 100
     assert all(map(alike, one, other))
     assert all(alike(each, recorded[k]) for k, each in enumerate(one))
     still = clouds_of(Simulation(windy(wind=None), world=world), [0.35])

@@ -7,6 +7,7 @@ The silhouette of an object is the set of pixels whose rays, through their centr
 
 import threading
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.interval import STILL, Moving
 from fieldtruth.sense.leaning import WHOLE, square
 from fieldtruth.sense.lens import intrinsics_of, ray_table
+from fieldtruth.sense.limbs import faces_of_piece
 from fieldtruth.world.boxes import faces_of, named_objects, outermost
 from fieldtruth.world.model import Mesh, World
 
@@ -56,10 +58,12 @@ class WholeObjects:
     """The objects of a world, and what moves in it, in the images of a camera. Threads may share it."""
 
     def __init__(self, world: World, config: ImagingConfig, moving: Moving = STILL) -> None:
-        self._leaning, self._row = (leaning := moving.leaning), dict[int, int]()
+        self._leaning, self._rows = (leaning := moving.leaning), dict[int, list[int]]()
+        self._pieces: dict[tuple[str, int], Mesh] = {}
         if leaning is not None:
-            rows = leaning.rows[leaning.plants.bunch[leaning.rows] == WHOLE]
-            self._row = dict(zip(leaning.plants.object_id[rows].tolist(), rows.tolist(), strict=True))
+            plants, rows = leaning.plants, leaning.rows
+            for row in rows[(plants.bunch[rows] < 0) | (plants.parent[rows] >= 0)].tolist():  # clumps are no objects
+                self._rows.setdefault(int(plants.object_id[row]), []).append(row)
         self.world, self.objects, self._bodies = world, named_objects(world), moving.bodies
         self.config, self._lens, self._table = config, intrinsics_of(config), ray_table(config)
         self._engine, self._meshes = Engine(), dict[tuple[str, Labels], RayScene]()
@@ -69,10 +73,13 @@ class WholeObjects:
     def parts(self, object_id: int, stamp_ns: int = 0) -> list[Part]:
         """Return the meshes of an object, each with its world_from_mesh (4, 4) at a stamp [ns]."""
         if object_id in self.objects:
-            instance, pose = self.objects[object_id], self.objects[object_id].world_from_object
-            if self._leaning is not None and object_id in self._row:
-                pose = square(self._leaning.at(np.array([self._row[object_id]]), np.array([stamp_ns])))[0, 0]
-            return [(self.world.meshes[instance.mesh], pose)]
+            instance = self.objects[object_id]
+            if self._leaning is None or object_id not in self._rows:
+                return [(self.world.meshes[instance.mesh], instance.world_from_object)]
+            rows = np.array(self._rows[object_id])
+            poses = square(self._leaning.at(rows, np.array([stamp_ns])))[0]
+            pieces = self._leaning.plants.bunch[rows].tolist()
+            return [(self._piece(instance.mesh, own), pose) for own, pose in zip(pieces, poses, strict=True)]
         return [(each.mesh, each.at([stamp_ns])[0]) for each in self._bodies if each.object_id == object_id]
 
     def silhouette(
@@ -129,6 +136,16 @@ class WholeObjects:
         if not own:
             own |= {"packet": new_packet(coherent=True), "batch": new_batch(BLOCK)}
         return own["packet"], own["batch"]
+
+    def _piece(self, name: str, piece: int) -> Mesh:
+        """Return a mesh, or only its trunk or some of its limbs."""
+        mesh = self.world.meshes[name]
+        if piece != WHOLE and (name, piece) not in self._pieces:
+            own = faces_of_piece(mesh, piece)
+            faces, material = mesh.faces[own], mesh.material[own]
+            part = replace(mesh, name=f"{name} {piece}", faces=faces, material=material, part=None, limb=None)
+            self._pieces[name, piece] = part
+        return mesh if piece == WHOLE else self._pieces[name, piece]
 
     def _mesh(self, mesh: Mesh, labels: Labels) -> RayScene:
         key = mesh.name, labels

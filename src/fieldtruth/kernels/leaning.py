@@ -59,6 +59,28 @@ def pose_plants(vectors: Array, world_from_object: Array, foot: Array, out: Arra
 
 
 @kernel
+def pose_limbs(vectors: Array, world_from_object: Array, foot: Array, out: Array) -> None:
+    """Turn poses (n, 4, 4) about feet (n, 3) [m] by rotation vectors (n, 3) [rad]: ``out`` (n, 3, 4)."""
+    for k in range(len(vectors)):
+        a, b, c = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        angle = np.sqrt(a * a + b * b + c * c)
+        sine, half = 1.0, 0.5  # as in ``pose_plants``
+        if angle > 1e-8:
+            sine, half = np.sin(angle) / angle, 2.0 * (np.sin(0.5 * angle) / angle) ** 2
+        rows = (
+            (1.0 - half * (b * b + c * c), half * a * b - sine * c, half * a * c + sine * b),
+            (half * a * b + sine * c, 1.0 - half * (a * a + c * c), half * b * c - sine * a),
+            (half * a * c - sine * b, half * b * c + sine * a, 1.0 - half * (a * a + b * b)),
+        )
+        own, at = world_from_object[k], foot[k]
+        for i in range(3):
+            x, y, z = rows[i]
+            for j in range(3):
+                out[k, i, j] = x * own[0, j] + y * own[1, j] + z * own[2, j]
+            out[k, i, 3] = at[i] + x * (own[0, 3] - at[0]) + y * (own[1, 3] - at[1]) + z * (own[2, 3] - at[2])
+
+
+@kernel
 def place_geometries(
     poses: Array, world_from_object: Array, plant: NDArray[np.intp], columns: Float32Array, axes: Float32Array
 ) -> None:

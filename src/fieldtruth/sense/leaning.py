@@ -13,6 +13,9 @@ tracer have this one motion.
 A clump of grass is wide, and turned as a whole its rim would leave the soil. So a clump leans in bunches, those of its
 stems that are rooted in one square of BUNCH; a bunch's foot is the middle of its roots. Anything else leans as a whole,
 and so do clumps beyond the world's edge, which no robot reaches.
+
+Groups of a tree's limbs may have rows of their own (``sense.limbs``). Such a group turns about its foot on the trunk,
+and then as the trunk does.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +31,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
-from fieldtruth.kernels.leaning import place_geometries, pose_plants
+from fieldtruth.kernels.leaning import place_geometries, pose_limbs, pose_plants
 from fieldtruth.sense.embree import RayScene
 from fieldtruth.sense.ripples import Ripples
 from fieldtruth.world.model import LOOSE, Mesh, World
@@ -46,22 +49,27 @@ _SUNK: Final = 1e-3
 """Depth [m] from which on a plant is crushed, and moved by nothing else."""
 WHOLE: Final = -1
 """Number of a bunch that is the whole plant."""
+_NONE: Final = -1
+"""Parent of what is no limb."""
 _WIDEST: Final = 0.4  # [m] between roots of stems that are one bunch
 _TUFT: Final = 0.3  # [m], at most between two stems of one tuft
 _GREEN: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.TRUNK})
 
 
 class Plants(NamedTuple):
-    """Plants of a world that can lean, one row each; those of one clump share its row of ``Scene.top_levels``."""
+    """Plants of a world that can lean, one row each, then groups of limbs.
+
+    Those of one clump or tree share its row of ``Scene.top_levels``.
+    """
 
     top: Index
     """(n,) Row of ``Scene.top_levels``, which has label, instance id, tint and baked light."""
     bunch: Index
-    """(n,) Number of the bunch in its mesh, a value of ``bunches_of``; WHOLE of a plant that leans as a whole."""
+    """(n,) Number of the bunch in its mesh, a value of ``limbs.pieces_of``; WHOLE of a plant that leans as a whole."""
     foot: Array
     """(n, 3) [m] in the world: what it turns about."""
     height: Array
-    """(n,) [m] of its top above the foot."""
+    """(n,) [m] of its top above the foot; of limbs their reach from it."""
     object_id: Index
     """(n,) Instance id."""
     kind: NDArray[np.str_]
@@ -70,6 +78,10 @@ class Plants(NamedTuple):
     """(n,) Name of its mesh in ``World.meshes``, which names its species."""
     world_from_object: Array
     """(n, 4, 4) Of the whole object or clump, without any lean."""
+    parent: Index
+    """(n,) Row of the tree whose limbs these are; -1 of what is no limb."""
+    ahead: Array
+    """(n, 3) Unit vector in the world from the foot to the middle of limbs; upwards of what is no limb."""
 
 
 class Lean(Protocol):
@@ -88,7 +100,8 @@ class Lean(Protocol):
         """Rotation vectors (k, n, 2) [rad] about world x and y of some of its rows (n,) at knots (k,) [ns].
 
         Knots are multiples of LEAN_KNOT_NS. A plant that leans towards +x turns about +y. A third column may have the
-        depth [m] by which a plant that is crushed sinks.
+        depth [m] by which a plant that is crushed sinks; of limbs it is the turn about z. A cause that holds plants
+        gets no rows of limbs: these are held with their tree.
         """
         ...
 
@@ -103,6 +116,7 @@ class Leaning:
     def __init__(self, plants: Plants, causes: Sequence[Lean], ripples: Ripples | None = None) -> None:
         """``ripples`` are those of the same wind."""
         self.plants, self.causes, self.ripples = plants, tuple(causes), ripples
+        self._root = np.where(plants.parent == _NONE, np.arange(len(plants.parent)), plants.parent)
         self._known, self._lock = dict[tuple[int, ...], Array](), Lock()
 
     def with_cause(self, old: Lean, new: Lean) -> "Leaning":
@@ -111,11 +125,12 @@ class Leaning:
 
     @cached_property
     def rows(self) -> Index:
-        """Rows (n,) of the plants that any cause moves, rising."""
-        return np.unique(np.concatenate([np.zeros(0, np.intp), *(cause.rows for cause in self.causes)])).astype(np.intp)
+        """Rows (n,) of the plants that any cause moves, rising; a tree moves with all its limbs."""
+        moved = np.concatenate([np.zeros(0, np.intp), *(cause.rows for cause in self.causes)]).astype(np.intp)
+        return np.flatnonzero(np.isin(self._root, self._root[moved]))
 
     def vectors(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
-        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns].
+        """Rotation vectors [rad] and depth [m] (k, n, 3) of plants (n,) at knots (k,) [ns]; of limbs x, y, z [rad].
 
         Those of all ``rows`` are kept for a while: an interval begins at the knot at which the one before has ended.
         """
@@ -134,13 +149,19 @@ class Leaning:
         """Add the vectors of all causes, see ``vectors``."""
         total = np.zeros((len(knots_ns), len(rows), 3))
         for cause in sorted(self.causes, key=_holds):  # those that hold come last
-            own = np.isin(rows, cause.rows)
-            if own.any():
+            most = _holds(cause)
+            trees = self._root[rows] if most > 0.0 else rows
+            own = np.isin(trees, cause.rows)
+            if own.any() and most > 0.0:
+                tree, row = np.unique(trees[own], return_inverse=True)
+                found = cause(tree, knots_ns)[:, row]
+                share = np.maximum(1.0 - np.linalg.norm(found[..., :2], axis=-1) / most, 0.0)
+                share *= np.maximum(1.0 - found[..., 2:].sum(axis=-1) / _SUNK, 0.0)
+                total[:, own] *= share[..., None]
+                found[:, trees[own] != rows[own]] = 0.0  # limbs go with their tree
+                total[:, own, : found.shape[-1]] += found
+            elif own.any():
                 found = cause(rows[own], knots_ns)
-                if (most := _holds(cause)) > 0.0:
-                    share = np.maximum(1.0 - np.linalg.norm(found[..., :2], axis=-1) / most, 0.0)
-                    share *= np.maximum(1.0 - found[..., 2:].sum(axis=-1) / _SUNK, 0.0)
-                    total[:, own] *= share[..., None]
                 total[:, own, : found.shape[-1]] += found
         return total
 
@@ -153,8 +174,18 @@ class Leaning:
         """Matrices (k, n, 3, 4) world_from_object of plants (n,) at knots (k,) [ns]."""
         poses = np.empty((len(knots_ns), len(rows), 3, 4))
         matrix, foot = self.plants.world_from_object[rows], self.plants.foot[rows]
-        for vectors, out in zip(self.vectors(rows, knots_ns), poses, strict=True):
+        found, limb = self.vectors(rows, knots_ns), np.flatnonzero(self.plants.parent[rows] != _NONE)
+        for vectors, out in zip(found, poses, strict=True):
             pose_plants(vectors, matrix, foot, out)
+        if not len(limb):
+            return poses
+        tree = self.plants.parent[rows[limb]]
+        bearing = found[:, np.searchsorted(rows, tree)] if rows is self.rows else self.vectors(tree, knots_ns)
+        turned, leant = np.empty((len(limb), 3, 4)), np.empty((len(limb), 3, 4))
+        for vectors, tilts, out in zip(found, bearing, poses, strict=True):
+            pose_limbs(vectors[limb], matrix[limb], foot[limb], turned)
+            pose_plants(tilts, turned, self.plants.foot[tree], leant)
+            out[limb] = leant
         return poses
 
     def at(self, rows: Index, stamps_ns: NDArray[np.int64]) -> Array:
@@ -280,6 +311,8 @@ def plants_of(world: World) -> Plants:
         kind=np.array(kinds, np.str_)[row],
         mesh=np.array(meshes, np.str_)[row],
         world_from_object=matrix,
+        parent=np.full(len(row), _NONE, np.intp),
+        ahead=np.tile([0.0, 0.0, 1.0], (len(row), 1)),
     )
 
 

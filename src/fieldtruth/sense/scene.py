@@ -26,7 +26,8 @@ from fieldtruth.kernels.cast import FIRST, OBJECT, Bundle, CastTable, Hits, bloc
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable, Packet, aligned, new_packet
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.interval import STILL, Interval, Moving, Traced, interval_of
-from fieldtruth.sense.leaning import WHOLE, Leaning, TracedPlants, bunches_of
+from fieldtruth.sense.leaning import WHOLE, Leaning, TracedPlants
+from fieldtruth.sense.limbs import pieces_of
 from fieldtruth.sense.moving import MovingBody, check_bodies
 from fieldtruth.sense.ruts import TracedRuts, ground_tiles
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
@@ -146,16 +147,16 @@ class Scene:
 
     def _lean(self, leaning: Leaning, first: int) -> tuple[list[int], dict[int, list[RayScene]]]:
         """Trace plants that lean, of numbers from ``first`` on; return their top-level geometries, and what remains."""
-        bunches, made = dict[str, Index](), dict[tuple[str, int], list[RayScene]]()
+        pieces, made = dict[str, Index](), dict[tuple[str, int], list[RayScene]]()
 
         def parts(mesh: str, bunch: int) -> list[RayScene]:
-            """Return the Embree scenes of a plant, or of a bunch of its stems."""
+            """Return the Embree scenes of a plant, of a bunch of its stems, or of its trunk or some of its limbs."""
             if bunch == WHOLE:
                 return self._parts[mesh]
-            if mesh not in bunches:
-                bunches[mesh] = bunches_of(self.world.meshes[mesh])
+            if mesh not in pieces:
+                pieces[mesh] = pieces_of(self.world.meshes[mesh])
             if (mesh, bunch) not in made:
-                made[mesh, bunch] = [self.mesh_rays(self.world.meshes[mesh], bunches[mesh] == bunch)]
+                made[mesh, bunch] = [self.mesh_rays(self.world.meshes[mesh], pieces[mesh] == bunch)]
             return made[mesh, bunch]
 
         self.plants = TracedPlants(leaning, parts, first)

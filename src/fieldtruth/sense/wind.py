@@ -11,7 +11,11 @@ exponential coherence of Davenport (1961, Quart. J. R. Met. Soc. 87): exp(-DECAY
 A plant is a damped oscillator about its foot, as trees are to first order (Moore and Maguire 2004, Trees 18). The mean
 drag, which grows with the speed to the power of 2 + VOGEL because plants streamline (Vogel 1989, J. Exp. Botany 40; de
 Langre 2008, Annu. Rev. Fluid Mech. 40), gives the mean lean. Gusts change it in proportion, times the oscillator's
-response at each frequency. Leaves and branches do not move on their own.
+response at each frequency.
+
+Groups of a tree's limbs (``sense.limbs``) are oscillators on top of that, in the same gusts. The drag on the middle of
+a group turns it about the axis across the drag and the arm from its foot: what stands across the wind swings sideways,
+what points along it stays. On average it stands as it has grown. Leaves do not move on their own.
 """
 
 from typing import Final, NamedTuple, Self
@@ -25,6 +29,7 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.leaning import add_waves
 from fieldtruth.sense.leaning import Lean, Leaning, Plants, plants_of
+from fieldtruth.sense.limbs import with_limbs
 from fieldtruth.sense.ripples import Ripples
 from fieldtruth.world.model import Mesh, World
 
@@ -46,6 +51,10 @@ SLENDER: Final = 0.015
 """Diameter of a tree's stem over its height, at most."""
 MOST_LEAN: Final = 0.8
 """[rad] Greatest mean lean."""
+LIMB: Final = 0.06
+"""[rad] Turn of limbs in the drag of a steady wind of 10 m/s, of which gusts are a share; assumed."""
+SPREAD: Final = 0.1
+"""Relative difference at most of a group's frequency from that of its size; assumed."""
 
 
 def share_below(hertz: Array, speed: float, scale: float) -> Array:
@@ -83,7 +92,7 @@ class Wind:
     """Wind of an experiment. Threads may share it."""
 
     def __init__(self, config: WindConfig, seed: int) -> None:
-        self.config, self.heading = config, np.array(config.heading)
+        self.config, self.seed, self.heading = config, seed, np.array(config.heading)
         rngs = rng_of(seed, "wind", "along"), rng_of(seed, "wind", "across")
         self.waves = (
             [Waves.drawn(config, across, rng) for across, rng in zip((False, True), rngs, strict=True)]
@@ -107,7 +116,7 @@ class Oscillators(NamedTuple):
 
     hertz: Array  # natural frequency
     damping: Array  # ratio to the critical one
-    lean: Array  # [rad] in a steady wind of 10 m/s at the plant's top
+    lean: Array  # [rad] in a steady wind of 10 m/s at the plant's top; of limbs the one that gusts have a share of
 
     def response(self, omega: Array) -> NDArray[np.complex128]:
         """Lean (n, w) at angular frequencies (w,) [rad/s] over the lean in a steady wind of the same drag."""
@@ -127,14 +136,19 @@ _FASTEST: Final = 2.5
 """[Hz] Natural frequency at most: the motion has ten knots a second."""
 
 
-def oscillators(world: World, plants: Plants) -> Oscillators:
-    """Return how plants answer to wind, by their class and size.
+def oscillators(world: World, plants: Plants, rng: np.random.Generator) -> Oscillators:
+    """Return how plants answer to wind, by their class and size, and how limbs do, with random differences.
 
     Trees: by ``sway_hertz``, 10 % of critical damping (Moore and Maguire 2004 for unpruned Douglas-firs: 8 % and more),
     2 deg at 10 m/s. The rest of a stem thicker than SLENDER of the height bears a heavier crown. Grass, herbs and
     crops: 1 Hz at 1.1 m, and faster the shorter they are (Py, de Langre and Moulia 2006, J. Fluid Mech. 568, from
     memory: about 1 to 2.5 Hz for alfalfa and wheat), 20 % and 28 deg; bushes between them. Leans, damping of these, and
     SLENDER, which also stands for trees without a collider, are assumed.
+
+    Limbs: the tree's frequency times the root of its height over their reach, 1 to 3 times, as stems are whose diameter
+    grows with the length to the power of 1.5 (McMahon and Kronauer 1976, J. Theor. Biol. 59); modes of branches lie
+    close together above the trunk's (Rodriguez, de Langre and Moulia 2008, Am. J. Botany 95; from memory). Damping as
+    the tree's (assumed).
     """
     names, row = np.unique(plants.mesh, return_inverse=True)
     meshes = [world.meshes[name] for name in names.tolist()]
@@ -145,6 +159,12 @@ def oscillators(world: World, plants: Plants) -> Oscillators:
     diameter = np.minimum(np.where(own > 0.0, 2.0 * own * scale, np.inf), SLENDER * height)
     hertz = np.where(tree, sway_hertz(diameter, height), np.where(woody, 1.5 * np.sqrt(1.5 / height), 1.1 / height))
     damping, lean = (np.where(tree, a, np.where(woody, b, c)) for a, b, c in ((0.1, 0.15, 0.2), (0.035, 0.08, 0.5)))
+    limb = np.flatnonzero(plants.parent >= 0)
+    bearing = plants.parent[limb]
+    # Diameters that grow with the length to the power of 1.5 give frequencies that fall with its root.
+    ratio = np.clip(np.sqrt(plants.height[bearing] / plants.height[limb]), 1.0, 3.0)
+    hertz[limb] = hertz[bearing] * ratio * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, len(limb))
+    lean[limb] = LIMB
     return Oscillators(np.minimum(hertz, _FASTEST), damping, lean)
 
 
@@ -163,9 +183,11 @@ def leaning_of(config: WindConfig | None, world: World, seed: int, *further: Lea
     """
     if (config is None or not config.speed_m_s) and not further:
         return None
-    plants = plants_of(world)
+    plants, blows = plants_of(world), config is not None and config.speed_m_s > 0.0
+    if blows:
+        plants = with_limbs(world, plants)
     wind = [WindLean(world, plants, Wind(config, seed))] if config is not None else []
-    ripples = Ripples.drawn(config, seed) if config is not None and config.speed_m_s else None
+    ripples = Ripples.drawn(config, seed) if config is not None and blows else None
     return Leaning(plants, [*wind, *further], ripples)
 
 
@@ -178,12 +200,14 @@ class WindLean:
         self._omega = [waves.omega for waves in wind.waves]
         if not count:
             return
-        kinds, heading = oscillators(world, plants), wind.heading
-        profile = np.log1p(plants.height / ROUGHNESS) / np.log1p(HEIGHT / ROUGHNESS)
+        kinds, (x, y) = oscillators(world, plants, rng_of(wind.seed, "wind", "limbs")), wind.heading
+        limb = plants.parent >= 0
+        height = np.where(limb, plants.height[plants.parent], plants.height)
+        profile = np.log1p(height / ROUGHNESS) / np.log1p(HEIGHT / ROUGHNESS)
         speed = wind.config.speed_m_s * profile
         mean = np.minimum(kinds.lean * (speed / 10.0) ** (2.0 + VOGEL), MOST_LEAN)
-        axes = np.array([[-heading[1], heading[0]], [-heading[0], -heading[1]]])  # about which along and across lean
-        self._mean = mean[:, None] * axes[0]
+        axes = [np.cross(plants.ahead, [*drag, 0.0]) for drag in ((x, y), (-y, x))]  # about which along and across lean
+        self._mean = np.where(limb, 0.0, mean)[:, None] * axes[0]
         self._waves = []
         for (omega, amplitude, k, phase), gain, axis in zip(wind.waves, (2.0 + VOGEL, 1.0), axes, strict=True):
             answer = gain * mean[:, None] * amplitude * kinds.response(omega)
@@ -192,12 +216,12 @@ class WindLean:
             self._waves.append((np.ascontiguousarray(table, np.float32), axis))
 
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
-        """Rotation vectors (k, n, 2) [rad] of plants (n,) at knots (k,) [ns]."""
+        """Rotation vectors (k, n, 3) [rad] of plants (n,) at knots (k,) [ns]; only limbs turn about z."""
         found = np.repeat(self._mean[None, rows], len(knots_ns), axis=0)
         for omega, (table, axis) in zip(self._omega, self._waves, strict=True):
             own = table if len(rows) == len(self.rows) else np.ascontiguousarray(table[:, rows])
             for k, turn in enumerate((knots_ns / 1e9)[:, None] * omega):
                 lean = np.zeros(len(rows), np.float32)
                 add_waves(own, np.concatenate([np.cos(turn), np.sin(turn)]).astype(np.float32), lean)
-                found[k] += lean[:, None].astype(np.float64) * axis
+                found[k] += lean[:, None].astype(np.float64) * axis[rows]
         return found

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.sense.interval import STILL, Moving
-from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, bunches_of, square
+from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, square
+from fieldtruth.sense.limbs import faces_of_piece
 from fieldtruth.validation.boxes import SKIN, blocks, meets, near_all
 from fieldtruth.validation.rutted import RuttedCells
 from fieldtruth.world.model import Heightfield, Mesh, World
@@ -132,7 +133,7 @@ class _Leaning(NamedTuple):
     """Of ``Plants``."""
     placed: _Placed
     radius: Array
-    """[m] Greatest distance of a corner of a plant's box from its foot."""
+    """(2, n) [m] Greatest distance of a corner of a plant's box from its foot, and from that of its tree."""
 
 
 class _Key(NamedTuple):
@@ -179,7 +180,7 @@ class ReferenceTracer:
                 key = _Key(mesh.name, bunch, row != STANDS)
                 if key not in meshes:
                     label = np.array([labels[material] for material in mesh.materials], np.uint8)[mesh.material]
-                    own = np.full(len(mesh.faces), True) if bunch == WHOLE else bunches_of(mesh) == bunch
+                    own = faces_of_piece(mesh, bunch)
                     meshes[key] = mesh.vertices.astype(np.float64)[mesh.faces[own]], label[own], mesh.face_parts[own]
                 poses.setdefault(key, []).append((pose, top + 1))
                 rows.setdefault(key, []).append(row)
@@ -270,11 +271,15 @@ class ReferenceTracer:
         instants, instant = np.unique(stamps[rays], return_inverse=True)
         begin, end = instants.min() // LEAN_KNOT_NS, -(-instants.max() // LEAN_KNOT_NS)
         leans = leaning.vectors(leaning.rows, np.arange(begin, end + 1) * LEAN_KNOT_NS)
-        most, sunk = np.linalg.norm(leans[..., :2], axis=-1).max(axis=0), leans[..., 2].max(axis=0)
+        limb = leaning.plants.parent[leaning.rows] >= 0
+        tree = np.searchsorted(leaning.rows, np.where(limb, leaning.plants.parent[leaning.rows], leaning.rows))
+        turn = np.where(limb, np.linalg.norm(leans, axis=-1).max(axis=0), 0.0)
+        most, sunk = np.linalg.norm(leans[..., :2], axis=-1).max(axis=0)[tree], leans[..., 2].max(axis=0)[tree]
         found = list[Hits]()
         for key, (rows, placed, radius) in self._leant.items():
             own = np.searchsorted(leaning.rows, rows)
-            away = (most[own] * radius + sunk[own])[:, None]  # an arc is longer than its chord
+            turned = turn[own] * radius[0]  # an arc is longer than its chord
+            away = (turned + most[own] * (radius[1] + turned) + sunk[own])[:, None]
             low, high = placed.low - away, placed.high + away
             near = near_all(low, high, start[:, None], ahead[:, None], limit[:, None])
             ray, row = np.nonzero(meets(low[near], high[near], start[:, None], ahead[:, None], limit[:, None]))
@@ -363,9 +368,10 @@ def _plants_by_top(leaning: Leaning | None) -> dict[int, list[tuple[int, int]]]:
 
 
 def _leant(leaning: Leaning, placed: _Placed, rows: list[int]) -> _Leaning:
-    foot = leaning.plants.foot[rows]
-    far = np.maximum(np.abs(placed.low - foot), np.abs(placed.high - foot))
-    return _Leaning(np.array(rows), placed, np.linalg.norm(far, axis=1))
+    plants, own = leaning.plants, np.array(rows)
+    feet = plants.foot[[own, np.where(plants.parent[own] >= 0, plants.parent[own], own)]]
+    far = np.maximum(np.abs(placed.low - feet), np.abs(placed.high - feet))
+    return _Leaning(own, placed, np.linalg.norm(far, axis=-1))
 
 
 def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array, Array]:

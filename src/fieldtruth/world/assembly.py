@@ -177,6 +177,7 @@ def _cut(mesh: Mesh, pose: Array, half: Array) -> Mesh:
         faces=number.reshape(-1, 3).astype(np.int32),
         material=mesh.material[rows],
         part=None if mesh.part is None else mesh.part[rows],
+        limb=None if mesh.limb is None else mesh.limb[rows],
     )
 
 

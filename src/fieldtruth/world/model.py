@@ -121,11 +121,20 @@ class Mesh:
     """Of tufts and clumps: x, y of each tuft's middle, its height [m] and its row of ``species`` (k, 4); else None."""
     part: NDArray[np.uint8] | None = None
     """``PlantPart`` (f,) of each face; None for what is no plant."""
+    limb: NDArray[np.int16] | None = None
+    """Of trees: row (f,) of ``joints`` of the limb that each face is on, -1 for the trunk; None for anything else."""
+    joints: NDArray[np.float32] | None = None
+    """Of trees: where each limb leaves the trunk's axis (l, 3) [m]; else None."""
 
     @property
     def face_parts(self) -> NDArray[np.uint8]:
         """``PlantPart`` (f,) of each face, 0 for what is no plant."""
         return np.zeros(len(self.faces), np.uint8) if self.part is None else self.part
+
+    @property
+    def face_limbs(self) -> NDArray[np.int16]:
+        """Row (f,) of ``joints`` of each face's limb, -1 for none."""
+        return np.full(len(self.faces), -1, np.int16) if self.limb is None else self.limb
 
 
 def make_mesh(
@@ -171,7 +180,18 @@ def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
         species=species,
         tufts=_merged_tufts(parts, species),
         part=np.concatenate([p.face_parts for p in parts]) if any(p.part is not None for p in parts) else None,
+        **_merged_limbs(parts),
     )
+
+
+def _merged_limbs(parts: Sequence[Mesh]) -> dict[str, Any]:
+    """Limbs and joints of meshes of one frame; nothing without any."""
+    if all(part.joints is None for part in parts):
+        return {}
+    joints = [np.zeros((0, 3), np.float32) if part.joints is None else part.joints for part in parts]
+    first = np.cumsum([0, *(len(own) for own in joints)])
+    limbs = [np.where(p.face_limbs < 0, -1, p.face_limbs + k) for p, k in zip(parts, first, strict=False)]
+    return {"limb": np.concatenate(limbs).astype(np.int16), "joints": np.concatenate(joints)}
 
 
 def _merged_tufts(parts: Sequence[Mesh], species: tuple[str, ...]) -> NDArray[np.float32] | None:

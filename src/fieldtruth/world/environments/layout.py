@@ -233,7 +233,8 @@ class Planter:
         if form.scaled is not None:
             tufts = None if mesh.tufts is None else mesh.tufts * np.array([scale, scale, scale, 1.0], np.float32)
             vertices = np.float32(scale) * mesh.vertices
-            mesh = replace(mesh, vertices=vertices, footprint=scale * mesh.footprint, tufts=tufts)
+            joints = None if mesh.joints is None else np.float32(scale) * mesh.joints
+            mesh = replace(mesh, vertices=vertices, footprint=scale * mesh.footprint, tufts=tufts, joints=joints)
         return mesh if form.solid and form.scaled is None else replace(mesh, colliders=())
 
     def swarm(

@@ -14,7 +14,7 @@ A bush in bloom: some of its leaves, in patches on the outside, become flowers.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,15 @@ class Leaves:
     normal: Array  # (m, 3) unit, out of the upper side
     length: Array  # (m,) [m]
     outward: Array  # (m, 3) unit, away from the middle of crown and limb
+    limb: Index  # (m,) number of the limb that it grows on
+
+
+class _Skin(NamedTuple):
+    """A surface of equal shapes, its row in the materials, and the limb (n,) of each shape, -1 for the trunk."""
+
+    surface: Surface
+    row: int
+    limb: Index
 
 
 def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator) -> Leaves:
@@ -108,7 +117,7 @@ def _oriented(form: Leaf, twig: Array, tangent: Array, side: Array, limb: Index,
     length = form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
     # A leaf that stands for several has its middle where theirs would be.
     base = twig + form.stalk * stalk - 0.5 * (1 - form.stands_for**-0.5) * length[:, None] * midrib
-    return Leaves(twig=twig, base=base, midrib=midrib, normal=normal, length=length, outward=outward)
+    return Leaves(twig=twig, base=base, midrib=midrib, normal=normal, length=length, outward=outward, limb=limb)
 
 
 def _outward(points: Array, limb: Index) -> Array:
@@ -255,7 +264,7 @@ def grow_tree(
     dry = dry_branches(skeleton[0], habit, height, rng)
     surfaces = _surfaces(skeleton, drawn, height, rng)
     if dry is not None and len(dry.length) and drawn.dead is not None:
-        surfaces.insert(-1, (_tubes(dry, drawn.dead), WOOD))
+        surfaces.insert(-1, _tubes(dry, drawn.dead)._replace(limb=_OF_TRUNK))
     stem = skeleton[0]
     _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
     breast = COLLIDER * float(radius[0])
@@ -264,12 +273,21 @@ def grow_tree(
     if grown_in != "stand":
         tips = np.concatenate([stems.axis[:, -1, :2] for stems in skeleton[1:]])
         footprint = max(footprint, float(np.quantile(np.hypot(*tips.T), 0.98)) / 3)
-    return _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, footprint)
+    mesh = _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, footprint)
+    return mesh if habit.stems > 1 else _with_limbs(mesh, surfaces, skeleton[1])
 
 
-def _low_extent(surfaces: list[tuple[Surface, int]]) -> float:
+def _with_limbs(mesh: Mesh, surfaces: list[_Skin], limbs: Stems) -> Mesh:
+    """The mesh with the limb of each face, and where limbs leave the trunk."""
+    joints = np.zeros((int(limbs.limb.max(initial=-1)) + 1, 3), np.float32)
+    joints[limbs.limb] = limbs.axis[:, 0]
+    of_faces = [each.limb.repeat(len(each.surface[3]) // max(len(each.limb), 1)) for each in surfaces]
+    return replace(mesh, limb=np.concatenate(of_faces).astype(np.int16), joints=joints)
+
+
+def _low_extent(surfaces: list[_Skin]) -> float:
     """Radius [m] around 98 % of the vertices of low branches and leaves; 0 without any."""
-    vertices = np.concatenate([s[0] for s, _ in surfaces[1:]])
+    vertices = np.concatenate([each.surface[0] for each in surfaces[1:]])
     low = vertices[vertices[:, 2] < LOW]
     return float(np.quantile(np.hypot(low[:, 0], low[:, 1]), 0.98)) if len(low) else 0.0
 
@@ -286,7 +304,7 @@ def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Gene
     _check_detail(detail)
     habit = _habit(species, height)
     surfaces = _surfaces(grow_skeleton(habit, height, rng), at_detail(habit, detail), height, rng)
-    (foliage, *_), _ = surfaces[-1]
+    foliage = surfaces[-1].surface[0]
     radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
     collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
     mesh = _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, radius)
@@ -306,22 +324,27 @@ def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit
     return species.habit(height, grown_in)
 
 
-def _surfaces(
-    skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
-) -> list[tuple[Surface, int]]:
-    """Surfaces of the stems from the ground, of branches and of leaves, each with its row in the materials."""
+_OF_TRUNK: Final = np.full(1, -1, np.intp)
+"""Limb of a surface that is the trunk's as a whole."""
+
+
+def _surfaces(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator) -> list[_Skin]:
+    """Surfaces of the stems from the ground, of branches and of leaves."""
     base = skeleton[0].thinned(habit.trunk_segments)
     single = habit.stems == 1
-    surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
+    foot = trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides)
+    surfaces = [_Skin(foot, WOOD, _OF_TRUNK)]
     for stems, order in zip(skeleton[1:], habit.orders, strict=True):
-        surfaces.append((_tubes(stems, order), WOOD))
-    surfaces.append((leaf_mesh(place_leaves(skeleton, habit, height, rng), habit.leaf, rng), FOLIAGE))
+        surfaces.append(_tubes(stems, order))
+    leaves = place_leaves(skeleton, habit, height, rng)
+    surfaces.append(_Skin(leaf_mesh(leaves, habit.leaf, rng), FOLIAGE, leaves.limb))
     return surfaces
 
 
-def _tubes(stems: Stems, order: Order) -> Surface:
+def _tubes(stems: Stems, order: Order) -> _Skin:
     """The surface of the stems of one order that are drawn."""
-    return tubes(_thickest(stems, order.drawn).thinned(order.segments), order.sides)
+    drawn = _thickest(stems, order.drawn)
+    return _Skin(tubes(drawn.thinned(order.segments), order.sides), WOOD, drawn.limb)
 
 
 def _thickest(stems: Stems, share: float) -> Stems:
@@ -335,25 +358,25 @@ def _thickest(stems: Stems, share: float) -> Stems:
 def _mesh(
     name: str,
     species: Species,
-    surfaces: list[tuple[Surface, int]],
+    surfaces: list[_Skin],
     rows: NDArray[np.integer],
     collider: Collider,
     footprint: float,
 ) -> Mesh:
     materials = [species.wood, species.foliage, *([] if species.upper_wood is None else [species.upper_wood])]
-    faces = [surface for surface, _ in surfaces]
+    faces = [each.surface for each in surfaces]
     parts = [PlantPart.STEM, *[PlantPart.BRANCH] * (len(faces) - 2), PlantPart.LEAF]
     own = (species.name,)
     return merged(name, faces, rows, materials, parts=parts, colliders=(collider,), footprint=footprint, species=own)
 
 
 def _material_rows(
-    species: Species, surfaces: list[tuple[Surface, int]], height: float, rng: np.random.Generator
+    species: Species, surfaces: list[_Skin], height: float, rng: np.random.Generator
 ) -> NDArray[np.integer]:
     """Material row of each face; wood above a ragged line around the trunk has the upper bark."""
-    rows = np.concatenate([np.full(len(surface[3]), row) for surface, row in surfaces])
+    rows = np.concatenate([np.full(len(surface[3]), row) for surface, row, _ in surfaces])
     if species.upper_wood is not None:
         limit = species.upper_from * height
-        middle = np.concatenate([vertices[faces, 2].mean(1) for (vertices, _, _, faces), _ in surfaces])
+        middle = np.concatenate([vertices[faces, 2].mean(1) for (vertices, _, _, faces), *_ in surfaces])
         rows[(rows == WOOD) & (middle > limit + rng.normal(0, 0.05 * limit, len(rows)))] = UPPER_WOOD
     return rows

@@ -231,8 +231,14 @@ def _with_twigs(changed: Mesh, summer: Mesh, kept: Mask, rng: np.random.Generato
         summer.vertices[summer.faces[wood]], blades.mean(axis=1), length, gone, rng, species.hidden_twigs
     )
     grown = make_mesh("twigs", *twigs, (twigs_of(species),))
-    grown = replace(grown, part=np.full(len(grown.faces), PlantPart.BRANCH, np.uint8))
-    return merge_meshes(changed.name, [changed, grown], footprint=changed.footprint), len(grown.faces)
+    part, limb = np.full(len(grown.faces), PlantPart.BRANCH, np.uint8), None
+    if summer.limb is not None and len(grown.faces):  # a twig is on the limb of the leaf that is nearest to its tip
+        tips = grown.vertices[grown.faces.max(axis=1)]
+        limb = summer.limb[first[cKDTree(blades.mean(axis=1)).query(tips)[1]]]
+    made = merge_meshes(changed.name, [changed, replace(grown, part=part)], footprint=changed.footprint)
+    if limb is not None:
+        made = replace(made, limb=np.concatenate([changed.face_limbs, limb]))
+    return made, len(grown.faces)
 
 
 def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
@@ -252,6 +258,7 @@ def _compacted(grown: tuple[Mesh, int], kept: Mask) -> Mesh:
         material=material.astype(np.int32),
         materials=tuple(mesh.materials[k] for k in own),
         part=None if mesh.part is None else mesh.part[rows],
+        limb=None if mesh.limb is None else mesh.limb[rows],
     )
 
 
