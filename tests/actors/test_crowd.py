@@ -177,6 +177,23 @@ def test_deer_flee_from_a_robot_that_comes_near(flat_world: World) -> None:
     assert 5.0 < near[:, 0, 3].max() <= 11.0
 
 
+def test_deer_watch_a_robot_that_moves_before_they_flee(flat_world: World) -> None:
+    """From 15 m on, with their heads up and turned to it; they graze on where it stands."""
+    deer = [member("deer", "deer", start=(5.0, 3.0))]
+
+    def placements(speed: float) -> list[Placement]:
+        crowd = Crowd(flat_world, deer, seed=3, ways=[WAY], robots=[robot_at(-8.5, 0.0, speed)])
+        return [crowd.step([robot_at(-8.5 + 0.01 * speed * k, 0.0, speed)])[0] for k in range(1200)]
+
+    for k, it in enumerate(placements(0.1)):  # it comes from 13.2 m to 12.1 m
+        if 200 < k < 1100:
+            towards = math.atan2(-it.y, -8.5 + 0.001 * k - it.x)
+            assert it.action != "graze"
+            assert it.speed < 0.05
+            assert abs(math.remainder(it.heading - towards, math.tau)) < 0.1
+    assert any(it.action == "graze" for it in placements(0.0))
+
+
 def test_grazing_animals_stop_with_their_heads_down(flat_world: World) -> None:
     crowd = Crowd(flat_world, [member("cow", "cow")], seed=3, ways=[WAY], robots=())
     found = [crowd.step(())[0] for _ in range(2500)]

@@ -10,11 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 from walks import F8, body_at, placements
 
+from fieldtruth.actors.cast import figures_of
 from fieldtruth.actors.figure import Figure, Joint
-from fieldtruth.actors.kinds import KINDS
+from fieldtruth.actors.kinds import IN_WINTER_COAT, KINDS
 from fieldtruth.actors.shapes import make_textures
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.actor_config import KINDS as NAMES
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.world.model import Mesh
 
 LABELS = {
@@ -33,6 +35,13 @@ LABELS = {
 @cache
 def figure_of(kind: str, seed: int = 3) -> Figure:
     return KINDS[kind].figure("it", np.random.default_rng(seed))
+
+
+def cielab(tint: tuple[float, float, float]) -> F8:
+    """L*, a*, b* of linear shares of red, green and blue under D65 (CIE 15)."""
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ tint
+    x, y, z = np.cbrt(xyz / [0.9505, 1.0, 1.0890])
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
 def volume(mesh: Mesh) -> float:
@@ -196,3 +205,34 @@ def test_joints_are_named_once() -> None:
         names = [joint.name for joint in joints]
         assert len(set(names)) == len(names)
         assert all(joint.parent < joint.part for joint in joints)
+
+
+@pytest.mark.parametrize("kind", ["dog", "deer", "cow"])
+def test_no_fur_is_more_colourful_than_melanin_makes_it(kind: str) -> None:
+    for each in [KINDS[kind], *([IN_WINTER_COAT[kind]] if kind in IN_WINTER_COAT else [])]:
+        for seed in range(30):
+            materials = each.figure("it", np.random.default_rng(seed)).materials
+            for part in ("fur", "patch"):
+                red, green, blue = materials[f"it {part}"].tint
+                assert red >= green >= blue
+                assert np.hypot(*cielab((red, green, blue))[1:]) < 25.0
+
+
+def test_deer_are_reddish_in_summer_and_greyish_in_the_other_seasons() -> None:
+    experiment = Experiment.model_validate(
+        {"name": "it", "environment": "forest", "route": {"metres": {"start": [0, 0], "waypoints": [[5, 0]]}}}
+        | {"actors": {"deer": {"kind": "deer"}}}
+    )
+    chroma = {}
+    for season in ("spring", "summer", "autumn", "winter"):
+        figure = figures_of(experiment.model_copy(update={"layout": {"season": season}}))["deer"]
+        chroma[season] = np.hypot(*cielab(figure.materials["deer fur"].tint)[1:])
+        rump = np.hypot(*cielab(figure.materials["deer patch"].tint)[1:])
+        assert (rump > 12.0) == (season == "summer")
+    assert all(chroma[season] < 0.7 * chroma["summer"] for season in ("spring", "autumn", "winter"))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_clothes_are_more_colourful_than_washed_cotton(seed: int) -> None:
+    for name, material in KINDS["person"].figure("it", np.random.default_rng(seed)).materials.items():
+        assert np.hypot(*cielab(material.tint)[1:]) < 42.0, name

@@ -14,7 +14,7 @@ from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
-from fieldtruth.kernels.shading import new_secondary_batch, water_rays
+from fieldtruth.kernels.shading import SAMPLES, new_secondary_batch, water_rays
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.ripples import Ripples
@@ -33,7 +33,7 @@ def slopes(ripples: NDArray[np.float32], xy: F8) -> F8:
     batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
     batch.direction[2], batch.point[:2, :count], batch.top[:], batch.distance[:] = -1.0, xy.T, 1, 1.0
     gbuffer[:, MIRROR] = 0.02
-    assert water_rays((batch, gbuffer), ripples, count, 1e-9, True, second) == count
+    assert water_rays((batch, gbuffer), ripples, count, 1e-9, 0, second) == count
     normal = second.batch.direction[:, :count].T + np.array([0.0, 0.0, 1.0])
     return np.asarray(-normal[:, :2] / normal[:, 2:], np.float64)
 
@@ -70,21 +70,51 @@ def test_each_wave_travels_down_the_wind_at_the_speed_of_its_length() -> None:
 
 
 @pytest.mark.parametrize("elevation", [0.02, 0.1, 0.5, 1.2])
-def test_waves_below_a_pixel_tilt_the_water_by_the_mean_of_the_facets_that_are_seen(elevation: float) -> None:
-    """Against the sum over a million facets, each weighted by its projected area."""
-    ripples, azimuth = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=250.0), 1).at(STAMP), 0.7
+def test_waves_below_a_pixel_mirror_what_the_facets_that_are_seen_mirror(elevation: float) -> None:
+    """Mean and spread of directions, against a million facets of which each is weighted by its projected area."""
+    ripples, azimuth, count = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=250.0), 1).at(STAMP), 0.7, 5008
     ahead = np.array([np.cos(azimuth), np.sin(azimuth)])
-    batch, second, gbuffer = new_batch(1), new_secondary_batch(1), np.zeros((1, FIELDS), np.float32)
+    batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
     ray = np.array([*ahead * np.cos(elevation), -np.sin(elevation)])
-    batch.direction[:, 0], batch.top[:], batch.distance[:], gbuffer[:, MIRROR] = ray, 1, 100.0, 0.02
-    water_rays((batch, gbuffer), ripples, 1, 1.0, True, second)
-    normal = second.batch.direction[:, 0] - ray
+    batch.direction[:], batch.top[:], batch.distance[:], gbuffer[:, MIRROR] = ray[:, None], 1, 100.0, 0.02
+    batch.point[:2] = np.random.default_rng(2).uniform(-30.0, 30.0, (2, count))
+    found, shares = list[F8](), np.zeros(count)
+    for sample in range(SAMPLES):
+        assert water_rays((batch, gbuffer), ripples, count, 1.0, sample, second) == count
+        found.append(second.batch.direction.T.astype(np.float64))
+        shares += second.share
     number = np.linalg.norm(ripples[:, :2], axis=1)
-    variance = (0.5 * (ripples[:, 2] * (ripples[:, :2] @ ahead) / number) ** 2).sum()
-    facets = np.random.default_rng(1).normal(0.0, np.sqrt(variance), 1_000_000)
-    seen = np.maximum(facets + np.tan(elevation), 0.0)
-    assert -normal[:2] @ ahead / normal[2] == pytest.approx((facets * seen).sum() / seen.sum(), rel=0.02, abs=1e-4)
-    assert -normal[:2] @ [-ahead[1], ahead[0]] / normal[2] == pytest.approx(0.0, abs=1e-6)
+    part = ripples[:, 2:3] * ripples[:, :2] / number[:, None]
+    facets = np.random.default_rng(1).multivariate_normal([0.0, 0.0], 0.5 * part.T @ part, 1_000_000)
+    normal = np.column_stack([-facets, np.ones(len(facets))])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    seen = np.maximum(facets @ ahead + np.tan(elevation), 0.0)
+    away = -(normal @ ray)[:, None]
+    there = ray + 2.0 * away * normal
+    there[:, 2] = np.abs(there[:, 2])
+    mean = np.average(there, axis=0, weights=seen)
+    spread = np.sqrt(np.average((there - mean) ** 2, axis=0, weights=seen))
+    every = np.concatenate(found)
+    np.testing.assert_allclose(every.mean(axis=0), mean, atol=0.006)
+    np.testing.assert_allclose(every.std(axis=0), spread, rtol=0.04, atol=0.002)
+    fresnel = 0.02 + 0.98 * (1.0 - np.clip(away[:, 0], 0.0, 1.0)) ** 5
+    assert shares.mean() == pytest.approx(np.average(fresnel, weights=seen), rel=0.02)
+    # The facets of a pixel are from all parts: its mean scatters by less than 0.7 of that of as many at random.
+    assert np.mean(found, axis=0)[:, 2].std() < 0.7 * spread[2] / np.sqrt(SAMPLES)
+
+
+def test_facets_are_others_at_another_stamp_and_one_where_each_wave_is_seen() -> None:
+    drawn, second = Ripples.drawn(WindConfig(speed_m_s=8.0), 1), new_secondary_batch(1)
+    batch, gbuffer = new_batch(1), np.full((1, FIELDS), 0.02, np.float32)
+    batch.direction[:, 0], batch.top[:], batch.distance[:] = (np.cos(0.1), 0.0, -np.sin(0.1)), 1, 100.0
+    found = []
+    for stamp in (STAMP, STAMP, STAMP + 1_000_000):
+        assert water_rays((batch, gbuffer), drawn.at(stamp), 1, 1.0, 1, second) == 1
+        found.append(second.batch.direction[:, 0].copy())
+    np.testing.assert_array_equal(found[0], found[1])
+    assert np.abs(found[2] - found[0]).max() > 1e-3
+    assert water_rays((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 1, second) == 0
+    assert water_rays((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 0, second) == 1
 
 
 def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_wind() -> None:

@@ -6,6 +6,11 @@ Strides follow Alexander and Jayes (1983, J. Zool. 201, 135-152): a length of 2.
 Fr = v^2 / (g h) and the hips' height h, and the share of a stride in which a foot carries is 0.52 Fr^-0.14. Up to
 Fr = 0.5 they walk (left hind, left fore, right hind, right fore foot), then trot with diagonal pairs, and gallop above
 Fr = 2.5. A leg stands on the middle of its round foot, so that it rolls where the foot stays.
+
+Colours are assumed, with three limits. Melanin darkens towards the blue, evenly: no fur reflects more green than red or
+more blue than green. The CIELAB chroma of brown and red fur is 25 at most: what naturalists call red is a brown such as
+Munsell 5YR 4/4, of chroma 22, and the curve of a camera makes it half as strong again. Roe deer are reddish brown in
+summer and greyish brown in winter, with a rump that is yellowish in summer and white in winter.
 """
 
 import math
@@ -101,11 +106,11 @@ DOG: Final = Species(
         (0.21, -0.035, 0.072, 0.072),
           (0.34, -0.045, 0.060, 0.058)),
     head_down=0.15, ears=(0.095, 0.105, 0.19, 2.6), tail=(0.46, 0.034, 0.05), foot=0.050,
-    coats=(Coat((0.016, 0.014, 0.013), (0.016, 0.014, 0.013)), Coat((0.42, 0.29, 0.15), (0.50, 0.38, 0.24), "socks"),
-           Coat((0.075, 0.035, 0.018), (0.075, 0.035, 0.018)), Coat((0.26, 0.14, 0.055), (0.022, 0.018, 0.016),
+    coats=(Coat((0.016, 0.014, 0.013), (0.016, 0.014, 0.013)), Coat((0.40, 0.29, 0.175), (0.48, 0.38, 0.26), "socks"),
+           Coat((0.075, 0.035, 0.018), (0.075, 0.035, 0.018)), Coat((0.24, 0.145, 0.077), (0.022, 0.018, 0.016),
                "saddle"),
            Coat((0.020, 0.018, 0.018), (0.60, 0.58, 0.54), "socks"), Coat((0.58, 0.55, 0.50),
-               (0.16, 0.075, 0.032), "spots")),
+               (0.14, 0.075, 0.041), "spots")),
     horns="", speed=1.3, top_speed=8.0,
 )  # fmt: skip
 DEER: Final = Species(
@@ -120,10 +125,13 @@ DEER: Final = Species(
         (0.25, -0.04, 0.034, 0.036),
           (0.31, -0.045, 0.028, 0.028)),
     head_down=0.25, ears=(0.065, 0.05, 0.21, 0.75), tail=(0.04, 0.035, -0.6), foot=0.026,
-    coats=(Coat((0.24, 0.098, 0.036), (0.56, 0.46, 0.35), "rump"), Coat((0.20, 0.085, 0.034), (0.50, 0.40, 0.30),
+    coats=(Coat((0.175, 0.092, 0.050), (0.42, 0.32, 0.21), "rump"), Coat((0.150, 0.082, 0.047), (0.38, 0.29, 0.19),
         "rump")),
     horns="antlers", speed=0.9, top_speed=9.0,
 )  # fmt: skip
+WINTER_DEER: Final = DEER._replace(coats=(Coat((0.145, 0.108, 0.076), (0.56, 0.53, 0.47), "rump"),
+    Coat((0.120, 0.092, 0.067), (0.50, 0.47, 0.42), "rump")))  # fmt: skip
+"""The grey-brown coat with the white rump that roe deer wear from October to May."""
 COW: Final = Species(
     height=(1.32, 1.48), centre=0.70,
     trunk=((-0.60, 0.13, 0.10, 0.11), (-0.52, 0.09, 0.18, 0.19), (-0.38, 0.03, 0.205, 0.235),
@@ -138,7 +146,7 @@ COW: Final = Species(
           (0.34, -0.05, 0.062, 0.056)),
     head_down=0.50, ears=(0.035, 0.085, 0.14, 1.75), tail=(0.58, 0.022, -1.35), foot=0.042,
     coats=(Coat((0.58, 0.56, 0.52), (0.014, 0.013, 0.013), "spots"), Coat((0.56, 0.52, 0.45),
-        (0.20, 0.060, 0.022), "spots"),
+        (0.165, 0.075, 0.039), "spots"),
            Coat((0.17, 0.105, 0.060), (0.17, 0.105, 0.060)), Coat((0.022, 0.017, 0.015), (0.022, 0.017, 0.015))),
     horns="horns", speed=0.8, top_speed=4.0,
 )  # fmt: skip

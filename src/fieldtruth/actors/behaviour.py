@@ -21,6 +21,10 @@ FLIGHT: Final = 12.0
 """Distance [m] of a robot from which deer flee. De Boer et al. 2004 (Flight distances in roe deer Capreolus capreolus
 and fallow deer Dama dama as related to hunting and other factors, quoted from its abstract) measured 42 to 65 m to
 people on foot in reserves; these deer are used to people."""
+ALERT: Final = 15.0
+"""Distance [m] of a robot that moves from which deer raise their heads and watch it (assumed: 1.25 times FLIGHT)."""
+_ASTIR: Final = 0.05  # [m/s] of a robot that moves
+_WATCHES: Final = 1.5  # [s] that they do so at least
 _SAFE: Final = 30.0  # [m] that they run at most
 _PATIENCE: Final = 3.0  # [s] without a step before a walker looks for another way
 _BACKING: Final = (2.0, 6.0)  # [s]
@@ -126,7 +130,7 @@ class Behaviour:
         position = body[0]
         self._watch_progress(member, mind, body[2], now)
         if member.config.kind == "deer" and not mind.flees and robots:
-            self._flee_from(member, mind, position, robots)
+            self._heed(member, mind, position, robots, now)
         leader, grazes = minds[self._leaders[row]], member.config.chosen_behaviour == "graze"
         if leader is not mind and mind.task != "beside" and leader.trips > mind.trips and not grazes:
             self._follow(mind, leader, position, row - self._leaders[row])
@@ -243,12 +247,18 @@ class Behaviour:
             mind.until, mind.action = now + float(rng.uniform(3.0, 8.0)), "walk"
         mind.flees = False
 
-    def _flee_from(self, member: Member, mind: Mind, position: Array, robots: Sequence[RobotState]) -> None:
-        """Run away from the nearest robot if it is too near."""
+    def _heed(self, member: Member, mind: Mind, position: Array, robots: Sequence[RobotState], now: float) -> None:
+        """Watch the nearest robot if it comes near, and run away from it if it is too near."""
         gaps = [math.hypot(robot.x - position[0], robot.y - position[1]) - robot.radius for robot in robots]
-        robot = robots[int(np.argmin(gaps))]
-        if min(gaps) >= FLIGHT:
-            return
+        robot, gap = robots[int(np.argmin(gaps))], min(gaps)
+        if gap < FLIGHT:
+            self._flee_from(member, mind, position, robot)
+        elif gap < ALERT and abs(robot.speed) > _ASTIR:
+            mind.task, mind.action, mind.home, mind.until = "wait", "walk", position.copy(), now + _WATCHES
+            mind.facing = math.atan2(robot.y - position[1], robot.x - position[0])
+
+    def _flee_from(self, member: Member, mind: Mind, position: Array, robot: RobotState) -> None:
+        """Run away from a robot."""
         places, danger = self._places, np.array([robot.x, robot.y])
         ways = places.ways_from(places.node_at(position, member.radius), member.radius, 1.5 * _SAFE)
         reached = np.isfinite(ways.cost) & (ways.cost <= _SAFE) & (ways.cost > 1.0)
@@ -271,7 +281,7 @@ class Behaviour:
         for robot in robots:
             ahead, left = x - robot.x, y - robot.y
             distance = math.hypot(ahead, left) - robot.radius
-            comes = robot.speed > 0.05 and ahead * math.cos(robot.heading) + left * math.sin(robot.heading) > 0
+            comes = robot.speed > _ASTIR and ahead * math.cos(robot.heading) + left * math.sin(robot.heading) > 0
             width = math.dist(position, mind.across) + robot.radius + member.radius + 0.5
             needed = width / member.pace + 1.0
             expected = distance / robot.speed if comes else math.inf

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.actors.behaviour import Member, RobotState
 from fieldtruth.actors.crowd import Crowd
 from fieldtruth.actors.figure import STEP, Figure, Gait
-from fieldtruth.actors.kinds import KINDS
+from fieldtruth.actors.kinds import IN_WINTER_COAT, KINDS
 from fieldtruth.actors.shapes import make_textures
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
@@ -30,20 +30,27 @@ from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.experiment.actor_config import MOST_ACTORS, actor_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
+from fieldtruth.world.build import layout_model
 from fieldtruth.world.model import Collider, Heightfield, World
+from fieldtruth.world.seasons import SUMMER
 
 
 def figures_of(experiment: Experiment) -> dict[str, Figure]:
     """Return the bodies of the actors of an experiment by name."""
+    if not experiment.actors:
+        return {}
+    layout = layout_model(experiment.environment).model_validate(experiment.layout)
+    summer = getattr(layout, "season", SUMMER) == SUMMER
     return {
-        name: _figure(experiment.actors[key].kind, name, experiment.seed)
+        name: _figure(experiment.actors[key].kind, name, experiment.seed, summer)
         for name, key in actor_names(experiment.actors)
     }
 
 
 @lru_cache(maxsize=2 * MOST_ACTORS)
-def _figure(kind: str, name: str, seed: int) -> Figure:
-    return KINDS[kind].figure(name, rng_of(seed, "actor", name, "figure"))
+def _figure(kind: str, name: str, seed: int, summer: bool) -> Figure:
+    kinds = KINDS if summer else {**KINDS, **IN_WINTER_COAT}
+    return kinds[kind].figure(name, rng_of(seed, "actor", name, "figure"))
 
 
 _NONE: Final = np.zeros(0)

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from fieldtruth.actors.animals import COW, DEER, DOG, AnimalKind
+from fieldtruth.actors.animals import COW, DEER, DOG, WINTER_DEER, AnimalKind
 from fieldtruth.actors.cyclist import CyclistKind
 from fieldtruth.actors.figure import Kind
 from fieldtruth.actors.multirotor import MultirotorKind
@@ -23,3 +23,5 @@ KINDS: Final[Mapping[str, Kind]] = {
     "robot": VehicleKind("robot"),
     "multirotor": MultirotorKind(),
 }
+IN_WINTER_COAT: Final[Mapping[str, Kind]] = {"deer": AnimalKind("deer", WINTER_DEER)}
+"""Of kinds that look otherwise outside summer."""

@@ -90,6 +90,7 @@ class SecondaryBatch(NamedTuple):
     colour: Float32Array  # (n, 3)
     row: IntArray  # (n,) of the point on the water
     share: Float32Array  # (n,) of the light that is reflected there
+    under: Float32Array  # (n, 3) by the batch's rows: colour of the water without what it reflects
 
 
 def new_secondary_batch(count: int) -> SecondaryBatch:
@@ -100,6 +101,7 @@ def new_secondary_batch(count: int) -> SecondaryBatch:
         colour=np.zeros((count, 3), np.float32),
         row=np.zeros(count, np.int32),
         share=np.zeros(count, np.float32),
+        under=np.zeros((count, 3), np.float32),
     )
 
 
@@ -114,6 +116,13 @@ def _waves() -> Float32Array:
     return np.stack(waves, axis=-1).astype(np.float32)
 
 
+SAMPLES: Final = 4
+"""Facets of a pixel that mirror, where it spans many; a prime less 1, so that parts along and across the ray differ."""
+REFRACTED: Final = -1
+_ROOT_HALF: Final = math.sqrt(0.5)
+_DENSITY: Final = 1.0 / math.sqrt(2.0 * math.pi)
+_HALVINGS: Final = 12  # of slopes between -5 and 5 deviations: 0.0012 of one are left
+_LEVEL: Final = 1e4  # tangent over deviation from above, where all facets are seen as well
 RIPPLES: Final = _waves()
 """Those without wind; in wind they are of ``sense.ripples``."""
 
@@ -134,29 +143,80 @@ def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple
     return sx, sy
 
 
-@inlined
-def _mean_tilt(ripples: Float32Array, ahead: tuple[float, float, float], footprint: float) -> float:
-    """Mean slope, towards the viewer, of the facets seen along a ray (3,) in waves that are too short for a pixel.
+_Variances = tuple[float, float, float]
+"""Of the slope along a ray, of both slopes together, and of that across it."""
 
-    Slopes are normal with the variance v of what ``_slope`` lets fade, and facets are seen by their projected area, so
-    at the elevation whose tangent is T the mean is v F(t) / (T F(t) + sqrt(v) f(t)), t = T / sqrt(v), with the
-    normal distribution F and its density f. It is 1.25 sqrt(v) at grazing incidence: far water mirrors higher sky.
-    """
-    dx, dy, dz = ahead
-    flat, variance = math.sqrt(dx * dx + dy * dy), 0.0
+
+@inlined
+def _unresolved(ripples: Float32Array, ahead: tuple[float, float], footprint: float) -> _Variances:
+    """Variances of the slopes of waves that are too short for a pixel, about the unit direction ``ahead``."""
+    dx, dy = ahead
+    along, both, across = 0.0, 0.0, 0.0
     for n in range(ripples.shape[0]):
         if ripples[n, 4] > 0.0:
             kx, ky = ripples[n, 0], ripples[n, 1]
             wave_number = math.sqrt(kx * kx + ky * ky)
             fade = min(max(1.6 - 0.5 * footprint * wave_number, 0.0), 1.0)
-            along = ripples[n, 2] * (kx * dx + ky * dy) / (wave_number * max(flat, 1e-6))
-            variance += 0.5 * ripples[n, 4] * (1.0 - fade * fade) * along * along
-    if variance < 1e-9:
-        return 0.0
-    steep = -dz / max(flat, 1e-6)
-    t = steep / math.sqrt(variance)
-    below = 0.5 * (1.0 + math.erf(t / math.sqrt(2.0)))
-    return variance * below / (steep * below + math.sqrt(variance / (2.0 * math.pi)) * math.exp(-0.5 * t * t))
+            power = 0.5 * ripples[n, 4] * (1.0 - fade * fade) * ripples[n, 2] * ripples[n, 2]
+            a, b = (kx * dx + ky * dy) / wave_number, (ky * dx - kx * dy) / wave_number
+            along += power * a * a
+            both += power * a * b
+            across += power * b * b
+    return along, both, across
+
+
+@inlined
+def _seen(t: float, share: float) -> float:
+    """Slope, over its deviation, that a share of the facets which are seen stays below.
+
+    Slopes z are normal, and a facet is seen by its projected area, t + z: t is the tangent of the elevation over the
+    deviation. The integral of (t + z) f(z) from -t is f(t) - f(z) + t (F(z) - F(-t)), with the normal distribution F
+    and its density f. A large t leaves the normal distribution.
+    """
+    low, high = max(-t, -5.0), 5.0
+    behind = 0.5 * (1.0 + math.erf(-t * _ROOT_HALF))
+    wanted = share * (_DENSITY * math.exp(-0.5 * t * t) + t * (1.0 - behind))
+    for _ in range(_HALVINGS):
+        z = 0.5 * (low + high)
+        below = _DENSITY * (math.exp(-0.5 * t * t) - math.exp(-0.5 * z * z))
+        below += t * (0.5 * (1.0 + math.erf(z * _ROOT_HALF)) - behind)
+        if below < wanted:
+            low = z
+        else:
+            high = z
+    return 0.5 * (low + high)
+
+
+@inlined
+def _facet(
+    variances: _Variances, ahead: tuple[float, float], steep: float, sample: int, number: tuple[float, float]
+) -> tuple[float, float]:
+    """Slope along x and y of one of SAMPLES facets of waves below a pixel; ``steep``: tangent of the ray's elevation.
+
+    Each is from another part of those that are seen, at random ``number`` (2,) in it, so that together they are spread
+    as all of them are. Refracted rays (REFRACTED) take the middle one.
+    """
+    dx, dy = ahead
+    along, both, across = variances
+    deviation = math.sqrt(along)
+    if sample == REFRACTED:
+        first, second = 0.5, 0.5
+    else:
+        first = (sample + number[0]) / SAMPLES
+        turn = int(number[1] * SAMPLES)  # so that no part along the ray is always with the same across it
+        part = ((2 * sample + 1) % (SAMPLES + 1) + turn) % SAMPLES
+        second = (part + number[1] * SAMPLES - turn) / SAMPLES
+    towards = deviation * _seen(steep / deviation, first)  # above 0 the water rises along the ray, and faces the viewer
+    aside = both / along * towards + math.sqrt(max(across - both * both / along, 0.0)) * _seen(_LEVEL, second)
+    return towards * dx - aside * dy, towards * dy + aside * dx
+
+
+@inlined
+def _mixed(x: float, y: float, phase: float) -> tuple[float, float]:
+    """Two numbers in [0, 1) of a point of the water [m] and a phase that its stamp changes."""
+    one = 43758.5453 * math.sin(12.9898 * x + 78.233 * y + 37.719 * phase)
+    other = 24634.6345 * math.sin(39.3467 * x + 11.135 * y + 83.155 * phase)
+    return one - math.floor(one), other - math.floor(other)
 
 
 @kernel
@@ -165,12 +225,14 @@ def water_rays(
     ripples: Float32Array,
     count: int,
     pixel: float,
-    reflected: bool,
+    sample: int,
     second: SecondaryBatch,
 ) -> int:
-    """Collect the reflected or refracted rays of all hits on water, a batch with its G-buffer; returns their number.
+    """Collect rays of all hits on water, a batch with its G-buffer; returns their number.
 
-    ``share`` is Schlick's (1994) approximation of Fresnel reflectance, exact at normal and at grazing incidence.
+    ``sample`` is REFRACTED, or the number of the reflected ray: where waves are too short for a pixel there are SAMPLES
+    of them, elsewhere the first one only. ``share`` is the share of the light that the ray brings: Schlick's (1994)
+    approximation of Fresnel reflectance, exact at normal and at grazing incidence, over the number of rays.
     """
     batch, gbuffer = hit
     top, point, direction, distance, image = batch.top, batch.point, batch.direction, batch.distance, batch.image
@@ -182,20 +244,29 @@ def water_rays(
         if dz >= 0.0:
             continue
         footprint = np.float32(distance[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
+        flat = math.sqrt(dx * dx + dy * dy)
+        ahead = (dx / max(flat, 1e-6), dy / max(flat, 1e-6)) if flat > 1e-6 else (1.0, 0.0)
+        variances, weight = _unresolved(ripples, ahead, footprint), one
+        is_rough = variances[0] > 1e-9
+        if sample > 0 and not is_rough:
+            continue
         sx, sy = _slope(ripples, point[0, k], point[1, k], footprint)
-        tilt = _mean_tilt(ripples, (dx, dy, dz), footprint)
-        if tilt > 0.0:
-            tilt /= math.sqrt(dx * dx + dy * dy)
-            sx += np.float32(tilt * dx)
-            sy += np.float32(tilt * dy)
+        if is_rough:
+            weight = np.float32(1.0 / SAMPLES)
+            number = _mixed(point[0, k], point[1, k], ripples[0, 3])
+            tx, ty = _facet(variances, ahead, -dz / max(flat, 1e-6), sample, number)
+            sx += np.float32(tx)
+            sy += np.float32(ty)
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         nx, ny, nz = -sx * scale, -sy * scale, scale
         cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))
         away = one - cosine
         away *= away * away * away * away
         share = gbuffer[k, MIRROR] + (one - gbuffer[k, MIRROR]) * away
-        if reflected:
+        if sample != REFRACTED:
             rx, ry, rz = dx + 2 * cosine * nx, dy + 2 * cosine * ny, dz + 2 * cosine * nz
+            if is_rough:
+                rz = abs(rz)  # what a facet sends down, the water behind it sends up again
             rz = max(rz, np.float32(0.004))
         else:
             if share > np.float32(0.85):
@@ -209,7 +280,7 @@ def water_rays(
         out.direction[0, n], out.direction[1, n], out.direction[2, n] = rx * scale, ry * scale, rz * scale
         out.point[0, n], out.point[1, n], out.point[2, n] = point[0, k], point[1, k], point[2, k]
         out.image[0, n], out.image[1, n] = image[0, k], image[1, k]
-        second.row[n], second.share[n] = k, share
+        second.row[n], second.share[n] = k, share * weight
         n += 1
     return n
 
@@ -240,12 +311,15 @@ def trace_secondary(scene: SceneRays, tops: IntArray, packet: Packet, second: Se
 
 
 @kernel
-def blend_reflection(second: SecondaryBatch, count: int, colour: Float32Array) -> None:
-    """Blend reflected light into the colour of the water by the Fresnel share."""
+def blend_reflection(second: SecondaryBatch, count: int, sample: int, colour: Float32Array) -> None:
+    """Blend the light of a number of reflected rays into the colour of the water by their shares."""
+    under = second.under
     for n in range(count):
         k, share = second.row[n], second.share[n]
         for channel in range(3):
-            colour[k, channel] += (second.colour[n, channel] - colour[k, channel]) * share
+            if sample == 0:
+                under[k, channel] = colour[k, channel]
+            colour[k, channel] += (second.colour[n, channel] - under[k, channel]) * share
 
 
 @kernel
@@ -361,16 +435,19 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
 def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Add the bottom and what is reflected to the colour of water."""
     second, hit = buffers.secondary, (buffers.batch, buffers.gbuffer)
-    found = water_rays(hit, shading.ripples, count, pixel, False, second)
+    found = water_rays(hit, shading.ripples, count, pixel, REFRACTED, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     blend_bottom(second, found, buffers.colour)
-    found = water_rays(hit, shading.ripples, count, pixel, True, second)
-    trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-    shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
-    add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
-    dim(shading, second.batch, found, second.colour)
-    blend_reflection(second, found, buffers.colour)
+    for sample in range(SAMPLES):
+        found = water_rays(hit, shading.ripples, count, pixel, sample, second)
+        if found == 0:
+            continue
+        trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
+        shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
+        add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
+        dim(shading, second.batch, found, second.colour)
+        blend_reflection(second, found, sample, buffers.colour)
 
 
 @kernel(inner=True)
