@@ -212,11 +212,15 @@ def in_park(kept: Kept) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def page(small_run: Path, once: Once) -> "Page":
-    """HTML page of the small run."""
+def page(small_run: Path, once: Once, kept: Kept) -> "Page":
+    """HTML page of the small run, whose aerial view is in the coarse light that the run has."""
     from report_pages import Page, write_page
 
-    return Page(once("page", lambda folder: write_page(small_run, folder / "page.html")) / "page.html")
+    def fill(folder: Path) -> None:
+        with _worlds_of(kept):
+            write_page(small_run, folder / "page.html")
+
+    return Page(once("page", fill) / "page.html")
 
 
 @pytest.fixture(scope="session")
