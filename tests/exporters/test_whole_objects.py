@@ -23,6 +23,7 @@ from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.amodal import WholeObjects
 from fieldtruth.exporters.kitti_object import kitti_box
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.wind import leaning_of
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -112,9 +113,9 @@ def test_a_silhouette_is_that_of_the_object_alone(lens: str) -> None:
 def test_a_silhouette_of_a_tree_in_wind_has_its_limbs_where_they_are() -> None:
     world, config, stamp = make_world([(limbed_tree(), at(8.0, 0.0, -1.0))], height=-900.0), camera_of(), 3_050_000_000
     leaning = leaning_of(WindConfig(speed_m_s=20.0, gusts=0.5), world, 1)
-    seen = LabelCamera(config, Scene(world, leaning=leaning)).label(EYE, stamp_ns=stamp).instance == 2
+    seen = LabelCamera(config, Scene(world, Moving(leaning=leaning))).label(EYE, stamp_ns=stamp).instance == 2
     v, u = np.nonzero(seen)
-    blown, still = WholeObjects(world, config, (), leaning), WholeObjects(world, config)
+    blown, still = WholeObjects(world, config, Moving(leaning=leaning)), WholeObjects(world, config)
     found = blown.silhouette(2, EYE, stamp_ns=stamp)
     assert found.pixels == len(u)
     assert found.bbox == [u.min(), v.min(), np.ptp(u) + 1, np.ptp(v) + 1]

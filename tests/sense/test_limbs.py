@@ -19,6 +19,7 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.lidar import Scan
+from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.leaning import LEAN_KNOT_NS, WHOLE, Leaning, plants_of, square
 from fieldtruth.sense.limbs import LEVELS, STEM, limbs_of, pieces_of, with_limbs
 from fieldtruth.sense.scene import Scene
@@ -162,7 +163,7 @@ def test_only_high_trees_inside_the_world_have_limbs_and_only_in_wind(world: Wor
 
 def test_a_scan_meets_the_plane_of_a_limb_that_rocks_on_a_rocking_tree(world: World) -> None:
     poses = driven(SPINNING.columns)
-    scan = IdealLidar(SPINNING, Scene(world, leaning=leaning(world))).scan(poses, STAMP)
+    scan = IdealLidar(SPINNING, Scene(world, Moving(leaning=leaning(world)))).scan(poses, STAMP)
     leaves = np.flatnonzero((scan.instance == TREE) & (scan.label == Label.TREETOP))
     corner = np.array([-0.05, 0.0, 0.0, 1.0])
 
@@ -183,7 +184,10 @@ def test_a_scan_meets_the_plane_of_a_limb_that_rocks_on_a_rocking_tree(world: Wo
 
 def test_flow_carries_each_pixel_of_a_limb_to_where_its_point_is_in_the_next_image(world: World) -> None:
     config, stamps = CameraConfig(width=160, height=120), (30 * LEAN_KNOT_NS, 31 * LEAN_KNOT_NS)
-    camera, eye = LabelCamera(config, Scene(world, leaning=leaning(world))), transforms.pose((0, 0.5, 2.5)) @ OPTICAL
+    camera, eye = (
+        LabelCamera(config, Scene(world, Moving(leaning=leaning(world)))),
+        transforms.pose((0, 0.5, 2.5)) @ OPTICAL,
+    )
     images = camera.label(eye, stamp_ns=stamps[0])
     flow = camera.flow(images, eye, eye, None, stamps)
     for row, side in ((LEFT, -1), (RIGHT, 1)):
@@ -206,7 +210,7 @@ def test_flow_carries_each_pixel_of_a_limb_to_where_its_point_is_in_the_next_ima
 
 def test_limbs_that_do_not_turn_are_seen_as_in_the_still_world(world: World) -> None:
     scans = [
-        IdealLidar(SPINNING, Scene(world, leaning=each)).scan(driven(SPINNING.columns), STAMP)
+        IdealLidar(SPINNING, Scene(world, Moving(leaning=each))).scan(driven(SPINNING.columns), STAMP)
         for each in (leaning(world, 0.0), None)
     ]
     for name in ("column", "ring", "instance", "label"):
@@ -303,13 +307,13 @@ def test_limbs_are_held_with_their_tree(world: World) -> None:
 def test_the_second_tracer_sees_the_same_tree_in_wind(oak: Mesh) -> None:
     world = make_world([(oak, at(6, 0, 0))])
     blown, poses = leaning_of(BLOWING, world, 1), driven(SPINNING.columns)
-    scan = IdealLidar(SPINNING, Scene(world, leaning=blown)).scan(poses, STAMP)
+    scan = IdealLidar(SPINNING, Scene(world, Moving(leaning=blown))).scan(poses, STAMP)
     chosen = np.flatnonzero(scan.instance == TREE)[::2]
     own = Scan._make(values[chosen] if len(values) else values for values in scan)
     stamps = STAMP + own.t_ns.astype(np.int64)
     assert len(chosen) > 150
     wrong = {
-        seed: traced_again(ReferenceTracer(world, [], leaning_of(BLOWING, world, seed)), own, poses, stamps)
+        seed: traced_again(ReferenceTracer(world, Moving(leaning=leaning_of(BLOWING, world, seed))), own, poses, stamps)
         for seed in (1, 2)
     }
     off = {
