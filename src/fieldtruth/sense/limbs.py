@@ -3,8 +3,8 @@
 """Limbs of trees that move on their own: which faces are one group, and where a group is attached to the trunk.
 
 Limbs that leave the trunk at about one height and on one side are a group; what grows on them, leaves included, is
-rigid with them. A group's foot is the mean of its joints on the trunk's axis. A group at another height than its own
-joint slides in the wood by the angle times that distance, so that groups are flat and no gap opens.
+rigid with them. A group's foot is the mean of its joints on the trunk's axis. A joint above or below the foot slides in
+the wood, by the angle times that distance at most: groups are flat, so this is seldom more than the trunk's radius.
 """
 
 from typing import Final, NamedTuple
