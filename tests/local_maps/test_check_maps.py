@@ -198,7 +198,12 @@ def test_costs_in_maps_around_the_robot_are_those_of_the_map_of_costs_and_driven
     shutil.copytree(brief_run, run)
     opened = open_run(run)
     x, y = opened.trajectory.position[0, :2].tolist()
-    asked = {"headings": 2, "resolution": 0.5, "area": [x - 0.5, y - 0.5, x + 0.5, y + 0.5], "workers": 1}
+    asked: dict[str, Any] = {
+        "headings": 2,
+        "resolution": 0.5,
+        "area": [x - 0.5, y - 0.5, x + 0.5, y + 0.5],
+        "workers": 1,
+    }
     monkeypatch.setattr(tiles, "cache_folder", lambda: tmp_path / "cache")
     cost = write_cost_map(world_of_run(opened), tmp_path / "c.npz", to="npz", rig=opened.rig, **asked)
     chosen = MapOptions(side=3.0, resolution=0.25, layers=["ground", "energy_v1", "passes_v1", "free"], cost=cost)
@@ -219,6 +224,7 @@ def test_costs_in_maps_around_the_robot_are_those_of_the_map_of_costs_and_driven
         np.savez(path, allow_pickle=False, **layers)
 
     path = min(maps.glob("[0-9]*.npz"))
+    good = path.read_bytes()
     changed(path, "energy_v1", (6, 6))
     wrong = result(maps, "local maps")
     assert wrong.passed is False
@@ -228,6 +234,7 @@ def test_costs_in_maps_around_the_robot_are_those_of_the_map_of_costs_and_driven
         changed(maps / "costs.npz", name, (0, 0))
     assert [each.passed for each in validate_cost_map(maps / "costs.npz")] == [True, False]
     (maps / "costs.npz").unlink()
+    path.write_bytes(good)
     assert "not costs and what follows from them, without costs.npz" in result(maps, "local maps").text
 
 

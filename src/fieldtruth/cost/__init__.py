@@ -44,6 +44,7 @@ _QUANTITIES: Final[Mapping[str, Layer]] = {
     "time": Layer("s/m", "f4", "time"),
 }
 """Layers of the costs by the fields of ``Passage``."""
+_NAMES: Final = {"causes": {int(cause): text for cause, text in CAUSE_TEXTS.items()}}
 
 
 def cost_layers(speeds: Sequence[float], headings: int) -> dict[str, Layer]:
@@ -105,8 +106,7 @@ def write_cost_map(
 
     Raises:
         UnknownNameError: an unknown format.
-        ConfigurationError: a speed, number of headings, resolution or area that is not allowed, or a world without free
-            ground.
+        ConfigurationError: a speed, number of headings, resolution or area that is not allowed, or no free ground.
         OutputError: the output exists or cannot be written, memory or disk are too small, or a process was ended.
     """
     rig, progress = rig or Rig(), progress or Silent()
@@ -115,29 +115,42 @@ def write_cost_map(
     grid, speeds = grid_of(world, resolution, area), tuple(dict.fromkeys(map(float, speeds)))
     order, table = Order(rig, grid, headings), cost_layers(speeds, headings)
     with output_errors(target):
-        check_size(target, to, grid, [], [row.dtype for row in table.values()])
-        needed = grid.shape[0] * grid.shape[1] * 4 * len(table)
-        check_memory(needed, "a map of costs", "take fewer --speed, an --area or a coarser --resolution")
-        _check_free_ground(world, rig)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        layers: Layers = {name: np.zeros(grid.shape, row.dtype) for name, row in table.items()}
-        for speed in speeds:
-            _fill(layers, world, order, speed, workers or cpu_count(), progress)
+        _prepare(target, to, world, order, table)
+        layers = _driven(world, order, speeds, table, workers or cpu_count(), progress)
         with progress.stage("write the map"), atomic_output(target) as part:
-            names = {"causes": {int(cause): text for cause, text in CAUSE_TEXTS.items()}}
-            FORMATS[to].write(MadeMap(world, grid, layers, names, table, rig.model_dump(mode="json")), part)
+            FORMATS[to].write(MadeMap(world, grid, layers, _NAMES, table, rig.model_dump(mode="json")), part)
             if overwrite:
                 remove(target)
     return target
 
 
-def _fill(layers: Layers, world: World, order: Order, speed: float, workers: int, progress: Progress) -> None:
-    """Drive over all tiles at a speed [m/s], and write their costs to the layers."""
-    with progress.stage(f"drive at {speed:g} m/s", float(order.grid.shape[0] * order.grid.shape[1])) as advance:
-        for cells, costs in made_tiles(world, order, speed, workers):
-            for name, values in named_layers(costs, speed):
-                layers[name][cells] = values
-            advance(float(costs.cause[..., 0].size))
+def _prepare(target: Path, to: str, world: World, order: Order, table: Mapping[str, Layer]) -> None:
+    """Check disk, memory and free ground for the layers of a table, and make the folder of the target."""
+    check_size(target, to, order.grid, [], [row.dtype for row in table.values()])
+    needed = order.grid.shape[0] * order.grid.shape[1] * 4 * len(table)
+    check_memory(needed, "a map of costs", "take fewer --speed, an --area or a coarser --resolution")
+    _check_free_ground(world, order.rig)
+    target.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _driven(
+    world: World,
+    order: Order,
+    speeds: Sequence[float],
+    table: Mapping[str, Layer],
+    workers: int,
+    progress: Progress,
+) -> Layers:
+    """Drive over all tiles at each speed [m/s], and return the layers of a table."""
+    shape = order.grid.shape
+    layers: Layers = {name: np.zeros(shape, row.dtype) for name, row in table.items()}
+    for speed in speeds:
+        with progress.stage(f"drive at {speed:g} m/s", float(shape[0] * shape[1])) as advance:
+            for cells, costs in made_tiles(world, order, speed, workers):
+                for name, values in named_layers(costs, speed):
+                    layers[name][cells] = values
+                advance(float(costs.cause[..., 0].size))
+    return layers
 
 
 def named_layers(costs: Costs, speed: float) -> Iterator[tuple[str, np.ndarray]]:
