@@ -18,7 +18,7 @@ from fieldtruth.kernels.stems import RESIDUAL, push_stem
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Instance, Mesh, Swarm, make_mesh
 from fieldtruth.world.plants.species import GRASSES, Stems
-from fieldtruth.world.stems import bends
+from fieldtruth.world.stems import SAPLING, bends, yields_of
 
 ROBOT = RobotConfig()
 LOW, WIDTH = ROBOT.ground_clearance, ROBOT.outline[1]
@@ -128,3 +128,13 @@ def test_stems_of_bushes_bend_as_the_species_says_and_branches_of_trees_by_thick
     thick = np.array([0.01, 0.03])
     for name, expected in (("grey_willow", [True, True]), ("hazel", [False, False]), ("oak", [True, False])):
         assert bends(thing(name, "bark_oak", collides=True, species=(name,)), thick).tolist() == expected
+
+
+def test_a_tree_without_a_collider_bends_below_3_m_and_one_with_a_collider_is_solid() -> None:
+    world = dataclasses.replace(make_world(), materials=dict(MATERIALS))
+    for height, collides, expected in ((0.9, False, 0.0), (1.1, False, np.inf), (0.9, True, np.inf)):
+        mesh = thing("tree", "bark_oak", collides=collides, species=("oak",))
+        mesh = dataclasses.replace(mesh, vertices=(mesh.vertices * SAPLING * height).astype(np.float32))
+        assert yields_of(mesh) == ("flexible" if expected == 0.0 else "solid")
+        assert forces_of_copies(world, "sapling", mesh, np.eye(4)[None], ROBOT).tolist() == [expected]
+        assert bends(mesh, np.array([0.01, 0.03])).tolist() == [True, expected == 0.0]

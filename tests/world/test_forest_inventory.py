@@ -20,6 +20,8 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import World
 from fieldtruth.world.plants import TREES, GrownIn, grow_tree
+from fieldtruth.world.plants.species import Species
+from fieldtruth.world.stems import SAPLING, species_of, yields_of
 
 F8 = NDArray[np.float64]
 HECTARE = 10_000.0
@@ -165,6 +167,27 @@ def test_natural_regeneration(forest: Forest) -> None:
     height = scale * [forest.world.meshes[name].vertices[:, 2].max() for name in names]
     assert 0.4 < height.min() < height.max() < 2.3
     assert np.mean(["beech" in name for name in names]) > np.mean(["spruce" in name for name in names]) > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+def test_whatever_is_solid_in_a_world_has_a_collider(environment: str) -> None:
+    world = load_world(environment, 0)
+    half = np.array(world.size) / 2
+    inside = {each.mesh for each in world.instances}
+    for swarm in world.swarms:
+        near = (np.abs(swarm.world_from_object[:, :2, 3]) < half).all(axis=1)
+        inside |= {swarm.meshes[row] for row in swarm.mesh[near]}
+    plants = [world.meshes[name] for name in inside if world.meshes[name].species and world.meshes[name].tufts is None]
+    plants = [mesh for mesh in plants if any(species_of(mesh))]  # without rocks
+    assert len(plants) > 3
+    for mesh in plants:
+        assert (yields_of(mesh) == "solid") <= bool(mesh.colliders), mesh.name
+        if (
+            any(isinstance(each, Species) and each.yields == "solid" for each in species_of(mesh))
+            and not mesh.colliders
+        ):
+            assert mesh.vertices[:, 2].max() < SAPLING
 
 
 @pytest.mark.slow

@@ -30,6 +30,8 @@ _STOOLS: Final[list[list[str]]] = [[], ["cylinder"]]
 """Shapes of the colliders of bushes that can yield."""
 THIN: Final = 0.02
 """Thickness [m] of a branch below which a robot bends it."""
+SAPLING: Final = 3.0
+"""Height [m] below which a tree or bush without a collider is a sapling, which bends."""
 _TURN: Final = np.radians(137.5)
 
 
@@ -54,21 +56,27 @@ def yields_of(mesh: Mesh) -> Yields:
     """Return what a mesh does to a robot; of a clump of several species, what the stiffest of them does.
 
     Dead wood is as its colliders are, and so is a bush with others than one cylinder, in which its stems would stand.
+    Saplings of solid species are flexible: nothing of them stops a robot.
     """
     if mesh.tufts is None and (DEAD & set(mesh.materials) or [each.shape for each in mesh.colliders] not in _STOOLS):
         return "solid" if mesh.colliders else "passable"
     found = [each.yields for each in species_of(mesh) if each is not None]
     ranks: tuple[Yields, ...] = ("solid", "flexible", "passable")
-    return next((rank for rank in ranks if rank in found), "passable" if mesh.passable else "solid")
+    rank = next((rank for rank in ranks if rank in found), "passable" if mesh.passable else "solid")
+    return "flexible" if rank == "solid" and found and _is_sapling(mesh) else rank
+
+
+def _is_sapling(mesh: Mesh) -> bool:
+    return mesh.tufts is None and not mesh.colliders and bool(mesh.vertices[:, 2].max() < SAPLING)
 
 
 def bends(mesh: Mesh, thickness: Array) -> Mask:
     """Return whether stems and branches of a plant, (n,) [m] thick, bend before a robot, and do not stop it.
 
-    A bush's species says so. The collider of a tree is its trunk: its branches bend below a thickness, and so do those
-    of plants without a species.
+    A bush's species says so, and saplings bend. The collider of a tree is its trunk: its branches bend below a
+    thickness, and so do those of plants without a species.
     """
-    if any(name in BUSHES for name in mesh.species):
+    if any(name in BUSHES for name in mesh.species) or (mesh.species and _is_sapling(mesh)):
         return np.full(len(thickness), yields_of(mesh) != "solid")
     return np.asarray(thickness < THIN)
 
