@@ -26,6 +26,8 @@ pytest.importorskip("rerun", reason="the viewer's package is not installed")
 from fieldtruth.live.rerun import RerunSink
 from fieldtruth.report.viewer import BASE
 
+pytestmark = pytest.mark.usefixtures("small_sky")
+
 
 def free_port() -> int:
     with socket.socket() as each:
