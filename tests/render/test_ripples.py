@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, make_world, quad
+from water_probe import rays_on_water
 
 from fieldtruth.core import transforms
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
-from fieldtruth.kernels.shading import SAMPLES, new_secondary_batch, water_rays
+from fieldtruth.kernels.water import SAMPLES, new_secondary_batch
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.ripples import Ripples
@@ -33,7 +34,7 @@ def slopes(ripples: NDArray[np.float32], xy: F8) -> F8:
     batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
     batch.direction[2], batch.point[:2, :count], batch.top[:], batch.distance[:] = -1.0, xy.T, 1, 1.0
     gbuffer[:, MIRROR] = 0.02
-    assert water_rays((batch, gbuffer), ripples, count, 1e-9, 0, second) == count
+    assert rays_on_water((batch, gbuffer), ripples, count, 1e-9, 0, second) == count
     normal = second.batch.direction[:, :count].T + np.array([0.0, 0.0, 1.0])
     return np.asarray(-normal[:, :2] / normal[:, 2:], np.float64)
 
@@ -80,7 +81,7 @@ def test_waves_below_a_pixel_mirror_what_the_facets_that_are_seen_mirror(elevati
     batch.point[:2] = np.random.default_rng(2).uniform(-30.0, 30.0, (2, count))
     found, shares = list[F8](), np.zeros(count)
     for sample in range(SAMPLES):
-        assert water_rays((batch, gbuffer), ripples, count, 1.0, sample, second) == count
+        assert rays_on_water((batch, gbuffer), ripples, count, 1.0, sample, second) == count
         found.append(second.batch.direction.T.astype(np.float64))
         shares += second.share
     number = np.linalg.norm(ripples[:, :2], axis=1)
@@ -109,12 +110,12 @@ def test_facets_are_others_at_another_stamp_and_one_where_each_wave_is_seen() ->
     batch.direction[:, 0], batch.top[:], batch.distance[:] = (np.cos(0.1), 0.0, -np.sin(0.1)), 1, 100.0
     found = []
     for stamp in (STAMP, STAMP, STAMP + 1_000_000):
-        assert water_rays((batch, gbuffer), drawn.at(stamp), 1, 1.0, 1, second) == 1
+        assert rays_on_water((batch, gbuffer), drawn.at(stamp), 1, 1.0, 1, second) == 1
         found.append(second.batch.direction[:, 0].copy())
     np.testing.assert_array_equal(found[0], found[1])
     assert np.abs(found[2] - found[0]).max() > 1e-3
-    assert water_rays((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 1, second) == 0
-    assert water_rays((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 0, second) == 1
+    assert rays_on_water((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 1, second) == 0
+    assert rays_on_water((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 0, second) == 1
 
 
 def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_wind() -> None:

@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shading: the light that each hit sends to the camera, from the sun, the sky, the ground, and through water.
 
-Labels end at the surface of water. For a photograph, two more rays per pixel of water start there: one reflected, one
-refracted to the bottom. Waves are a sum of sines, faded out where a pixel spans several; without wind they stand still.
+Labels end at the surface of water. For a photograph, further rays start there, see ``kernels.water``.
 Snow covers the ground by its depth, and what faces up to the sky on everything else.
 """
 
-import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.kernels import packets
-from fieldtruth.kernels.camera_rays import RayBatch, new_batch, seen_over_map
+from fieldtruth.kernels.camera_rays import RayBatch, new_batch
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.gbuffer import (
     BLUE,
@@ -54,16 +52,22 @@ from fieldtruth.kernels.packets import (
     Grid,
     IntArray,
     Packet,
-    SceneRays,
-    hit_mover,
-    hit_top,
     new_packet,
     read_grid,
-    set_ray,
     set_shadow_ray,
-    trace_packet,
 )
 from fieldtruth.kernels.robot import in_reach, sun_past_robot
+from fieldtruth.kernels.water import (
+    REFRACTED,
+    SAMPLES,
+    SecondaryBatch,
+    blend_bottom,
+    blend_reflection,
+    find_slopes,
+    new_secondary_batch,
+    trace_secondary,
+    water_rays,
+)
 
 PASSES: Final = (
     *TERRAIN_PASSES,
@@ -72,268 +76,6 @@ PASSES: Final = (
     "sun, sky, translucency, highlights",
 )
 """Passes of ``shade_hits``, in their order."""
-REFRACTION: Final = 1.0 / 1.333
-"""Refractive index of air over that of water."""
-ABSORPTION: Final = np.array([1.3, 0.75, 0.95], np.float32)
-"""[1/m] of light in a lake in summer, rich in algae and humus: green penetrates deepest (Kirk 2011, Light and
-Photosynthesis in Aquatic Ecosystems, attenuation of such waters about 1 per metre)."""
-_WAVES: Final = 14
-_FARTHEST: Final = 400.0  # [m]
-_PRIM, _U, _V = packets.PRIM_ID, packets.HIT_U, packets.HIT_V
-
-
-class SecondaryBatch(NamedTuple):
-    """Rays that start on water, and the row of the batch that each belongs to. Threads must not share it."""
-
-    batch: RayBatch
-    gbuffer: Float32Array  # (n, FIELDS)
-    colour: Float32Array  # (n, 3)
-    row: IntArray  # (n,) of the point on the water
-    share: Float32Array  # (n,) of the light that is reflected there
-    under: Float32Array  # (n, 3) by the batch's rows: colour of the water without what it reflects
-
-
-def new_secondary_batch(count: int) -> SecondaryBatch:
-    """Allocate memory for ``count`` rays."""
-    return SecondaryBatch(
-        batch=new_batch(count),
-        gbuffer=np.zeros((count, FIELDS), np.float32),
-        colour=np.zeros((count, 3), np.float32),
-        row=np.zeros(count, np.int32),
-        share=np.zeros(count, np.float32),
-        under=np.zeros((count, 3), np.float32),
-    )
-
-
-def _waves() -> Float32Array:
-    """Rows as in ``Shading.ripples``: waves of 0.1 to 2.5 m that a light wind drives towards +x."""
-    rng = np.random.default_rng(5)
-    length = np.geomspace(0.12, 2.6, _WAVES)
-    heading = rng.normal(0.35, 0.55, _WAVES)
-    slope = 0.0125 * (length / 0.6).clip(0.5, 1.0)
-    k = 2.0 * np.pi / length
-    waves = [k * np.cos(heading), k * np.sin(heading), slope, rng.uniform(0.0, 2.0 * np.pi, _WAVES), np.zeros(_WAVES)]
-    return np.stack(waves, axis=-1).astype(np.float32)
-
-
-SAMPLES: Final = 4
-"""Facets of a pixel that mirror, where it spans many; a prime less 1, so that parts along and across the ray differ."""
-REFRACTED: Final = -1
-_ROOT_HALF: Final = math.sqrt(0.5)
-_DENSITY: Final = 1.0 / math.sqrt(2.0 * math.pi)
-_HALVINGS: Final = 12  # of slopes between -5 and 5 deviations: 0.0012 of one are left
-_LEVEL: Final = 1e4  # tangent over deviation from above, where all facets are seen as well
-RIPPLES: Final = _waves()
-"""Those without wind; in wind they are of ``sense.ripples``."""
-
-
-@inlined
-def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple[np.float32, np.float32]:
-    """Slope of the water along x and y; waves shorter than two footprints [m] of a pixel fade."""
-    sx, sy = np.float32(0.0), np.float32(0.0)
-    for n in range(ripples.shape[0]):
-        kx, ky = ripples[n, 0], ripples[n, 1]
-        wave_number = np.sqrt(kx * kx + ky * ky)
-        fade = np.float32(1.6) - np.float32(0.5) * footprint * wave_number
-        if fade <= 0.0:
-            continue
-        steep = ripples[n, 2] * min(fade, np.float32(1.0)) * np.cos(kx * x + ky * y + ripples[n, 3]) / wave_number
-        sx += steep * kx
-        sy += steep * ky
-    return sx, sy
-
-
-_Variances = tuple[float, float, float]
-"""Of the slope along a ray, of both slopes together, and of that across it."""
-
-
-@inlined
-def _unresolved(ripples: Float32Array, ahead: tuple[float, float], footprint: float) -> _Variances:
-    """Variances of the slopes of waves that are too short for a pixel, about the unit direction ``ahead``."""
-    dx, dy = ahead
-    along, both, across = 0.0, 0.0, 0.0
-    for n in range(ripples.shape[0]):
-        if ripples[n, 4] > 0.0:
-            kx, ky = ripples[n, 0], ripples[n, 1]
-            wave_number = math.sqrt(kx * kx + ky * ky)
-            fade = min(max(1.6 - 0.5 * footprint * wave_number, 0.0), 1.0)
-            power = 0.5 * ripples[n, 4] * (1.0 - fade * fade) * ripples[n, 2] * ripples[n, 2]
-            a, b = (kx * dx + ky * dy) / wave_number, (ky * dx - kx * dy) / wave_number
-            along += power * a * a
-            both += power * a * b
-            across += power * b * b
-    return along, both, across
-
-
-@inlined
-def _seen(t: float, share: float) -> float:
-    """Slope, over its deviation, that a share of the facets which are seen stays below.
-
-    Slopes z are normal, and a facet is seen by its projected area, t + z: t is the tangent of the elevation over the
-    deviation. The integral of (t + z) f(z) from -t is f(t) - f(z) + t (F(z) - F(-t)), with the normal distribution F
-    and its density f. A large t leaves the normal distribution.
-    """
-    low, high = max(-t, -5.0), 5.0
-    behind = 0.5 * (1.0 + math.erf(-t * _ROOT_HALF))
-    wanted = share * (_DENSITY * math.exp(-0.5 * t * t) + t * (1.0 - behind))
-    for _ in range(_HALVINGS):
-        z = 0.5 * (low + high)
-        below = _DENSITY * (math.exp(-0.5 * t * t) - math.exp(-0.5 * z * z))
-        below += t * (0.5 * (1.0 + math.erf(z * _ROOT_HALF)) - behind)
-        if below < wanted:
-            low = z
-        else:
-            high = z
-    return 0.5 * (low + high)
-
-
-@inlined
-def _facet(
-    variances: _Variances, ahead: tuple[float, float], steep: float, sample: int, number: tuple[float, float]
-) -> tuple[float, float]:
-    """Slope along x and y of one of SAMPLES facets of waves below a pixel; ``steep``: tangent of the ray's elevation.
-
-    Each is from another part of those that are seen, at random ``number`` (2,) in it, so that together they are spread
-    as all of them are. Refracted rays (REFRACTED) take the middle one.
-    """
-    dx, dy = ahead
-    along, both, across = variances
-    deviation = math.sqrt(along)
-    if sample == REFRACTED:
-        first, second = 0.5, 0.5
-    else:
-        first = (sample + number[0]) / SAMPLES
-        turn = int(number[1] * SAMPLES)  # so that no part along the ray is always with the same across it
-        part = ((2 * sample + 1) % (SAMPLES + 1) + turn) % SAMPLES
-        second = (part + number[1] * SAMPLES - turn) / SAMPLES
-    towards = deviation * _seen(steep / deviation, first)  # above 0 the water rises along the ray, and faces the viewer
-    aside = both / along * towards + math.sqrt(max(across - both * both / along, 0.0)) * _seen(_LEVEL, second)
-    return towards * dx - aside * dy, towards * dy + aside * dx
-
-
-@inlined
-def _mixed(x: float, y: float, phase: float) -> tuple[float, float]:
-    """Two numbers in [0, 1) of a point of the water [m] and a phase that its stamp changes."""
-    one = 43758.5453 * math.sin(12.9898 * x + 78.233 * y + 37.719 * phase)
-    other = 24634.6345 * math.sin(39.3467 * x + 11.135 * y + 83.155 * phase)
-    return one - math.floor(one), other - math.floor(other)
-
-
-@kernel
-def water_rays(
-    hit: tuple[RayBatch, Float32Array],
-    ripples: Float32Array,
-    count: int,
-    pixel: float,
-    sample: int,
-    second: SecondaryBatch,
-) -> int:
-    """Collect rays of all hits on water, a batch with its G-buffer; returns their number.
-
-    ``sample`` is REFRACTED, or the number of the reflected ray: where waves are too short for a pixel there are SAMPLES
-    of them, elsewhere the first one only. ``share`` is the share of the light that the ray brings: Schlick's (1994)
-    approximation of Fresnel reflectance, exact at normal and at grazing incidence, over the number of rays.
-    """
-    batch, gbuffer = hit
-    top, point, direction, distance, image = batch.top, batch.point, batch.direction, batch.distance, batch.image
-    out, n, one = second.batch, 0, np.float32(1.0)
-    for k in range(count):
-        if top[k] <= 0 or gbuffer[k, MIRROR] <= 0.0:
-            continue
-        dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
-        if dz >= 0.0:
-            continue
-        footprint = np.float32(distance[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
-        flat = math.sqrt(dx * dx + dy * dy)
-        ahead = (dx / max(flat, 1e-6), dy / max(flat, 1e-6)) if flat > 1e-6 else (1.0, 0.0)
-        variances, weight = _unresolved(ripples, ahead, footprint), one
-        is_rough = variances[0] > 1e-9
-        if sample > 0 and not is_rough:
-            continue
-        sx, sy = _slope(ripples, point[0, k], point[1, k], footprint)
-        if is_rough:
-            weight = np.float32(1.0 / SAMPLES)
-            number = _mixed(point[0, k], point[1, k], ripples[0, 3])
-            tx, ty = _facet(variances, ahead, -dz / max(flat, 1e-6), sample, number)
-            sx += np.float32(tx)
-            sy += np.float32(ty)
-        scale = one / np.sqrt(one + sx * sx + sy * sy)
-        nx, ny, nz = -sx * scale, -sy * scale, scale
-        cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))
-        away = one - cosine
-        away *= away * away * away * away
-        share = gbuffer[k, MIRROR] + (one - gbuffer[k, MIRROR]) * away
-        if sample != REFRACTED:
-            rx, ry, rz = dx + 2 * cosine * nx, dy + 2 * cosine * ny, dz + 2 * cosine * nz
-            if is_rough:
-                rz = abs(rz)  # what a facet sends down, the water behind it sends up again
-            rz = max(rz, np.float32(0.004))
-        else:
-            if share > np.float32(0.85):
-                continue
-            ratio = np.float32(REFRACTION)
-            inner = np.sqrt(one - ratio * ratio * (one - cosine * cosine))
-            rx = ratio * dx + (ratio * cosine - inner) * nx
-            ry = ratio * dy + (ratio * cosine - inner) * ny
-            rz = min(ratio * dz + (ratio * cosine - inner) * nz, np.float32(-0.05))
-        scale = one / np.sqrt(rx * rx + ry * ry + rz * rz)
-        out.direction[0, n], out.direction[1, n], out.direction[2, n] = rx * scale, ry * scale, rz * scale
-        out.point[0, n], out.point[1, n], out.point[2, n] = point[0, k], point[1, k], point[2, k]
-        out.image[0, n], out.image[1, n] = image[0, k], image[1, k]
-        second.row[n], second.share[n] = k, share * weight
-        n += 1
-    return n
-
-
-@kernel
-def trace_secondary(scene: SceneRays, tops: IntArray, packet: Packet, second: SecondaryBatch, count: int) -> None:
-    """Trace the first ``count`` rays from ``point``, which becomes that of the hit; ``tops`` as for ``trace``."""
-    ray, words, valid, batch = packet.ray, packet.words, packet.valid, second.batch
-    for first in range(0, count, _LANES):
-        for lane in range(_LANES):
-            k = first + lane
-            if k >= count:
-                valid[lane] = 0
-                continue
-            origin = batch.point[0, k], batch.point[1, k], batch.point[2, k]
-            direction = batch.direction[0, k], batch.direction[1, k], batch.direction[2, k]
-            set_ray(packet, lane, origin, direction, 0.01, _FARTHEST)
-        trace_packet(scene, packet)
-        for lane in range(min(_LANES, count - first)):
-            k = first + lane
-            t = ray[_FAR + lane]
-            batch.distance[k], batch.foreshortening[k] = t, seen_over_map(ray, lane)
-            for axis in range(3):
-                batch.point[axis, k] += t * batch.direction[axis, k]
-            batch.barycentric[0, k], batch.barycentric[1, k] = ray[_U + lane], ray[_V + lane]
-            batch.primitive[k] = np.int32(words[_PRIM + lane])
-            batch.top[k], batch.mover[k] = hit_top(tops, words, lane), hit_mover(scene, words, lane)
-
-
-@kernel
-def blend_reflection(second: SecondaryBatch, count: int, sample: int, colour: Float32Array) -> None:
-    """Blend the light of a number of reflected rays into the colour of the water by their shares."""
-    under = second.under
-    for n in range(count):
-        k, share = second.row[n], second.share[n]
-        for channel in range(3):
-            if sample == 0:
-                under[k, channel] = colour[k, channel]
-            colour[k, channel] += (second.colour[n, channel] - under[k, channel]) * share
-
-
-@kernel
-def blend_bottom(second: SecondaryBatch, count: int, colour: Float32Array) -> None:
-    """Blend the bottom into the colour of the water by the light that is not absorbed."""
-    for n in range(count):
-        k, depth = second.row[n], second.batch.distance[n]
-        if second.batch.top[n] < 0:
-            continue
-        for channel in range(3):
-            left = np.exp(-ABSORPTION[channel] * np.float32(1.6) * depth)  # both down and up
-            colour[k, channel] += (np.float32(0.9) * second.colour[n, channel] - colour[k, channel]) * left
-
-
 WHITE: Final = (np.float32(0.80), np.float32(0.82), np.float32(0.85))
 """Albedo of settled snow of some days, in the visible (Wiscombe and Warren 1980, J. Atmos. Sci. 37, 2712-2745)."""
 _GRASS: Final = np.float32(0.4)
@@ -434,13 +176,14 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
 @inlined
 def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Add the bottom and what is reflected to the colour of water."""
-    second, hit = buffers.secondary, (buffers.batch, buffers.gbuffer)
-    found = water_rays(hit, shading.ripples, count, pixel, REFRACTED, second)
+    second, hit, phase = buffers.secondary, (buffers.batch, buffers.gbuffer), shading.ripples[0, 3]
+    find_slopes(hit, shading.ripples, count, pixel, second)
+    found = water_rays(hit, count, phase, REFRACTED, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     blend_bottom(second, found, buffers.colour)
     for sample in range(SAMPLES):
-        found = water_rays(hit, shading.ripples, count, pixel, sample, second)
+        found = water_rays(hit, count, phase, sample, second)
         if found == 0:
             continue
         trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)

@@ -17,7 +17,7 @@ from fieldtruth.kernels.light import (
     SurfaceTable,
     WireTable,
 )
-from fieldtruth.kernels.shading import RIPPLES
+from fieldtruth.kernels.water import RIPPLES
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.world.model import Mesh, Terrain
 from fieldtruth.world.seasons.change import hidden_share
