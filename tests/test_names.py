@@ -151,7 +151,7 @@ def test_paths_in_prose_exist() -> None:
     assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("name", ["bench.bare", "lens_effects.point_spread", "drive.tyre", "ft.scan_of", "half_of_it"])
+@pytest.mark.parametrize("name", ["bench.bare", "lens_effects.point_spread", "drive.servo", "ft.scan_of", "half_of_it"])
 def test_name_that_is_gone_is_found(name: str, names: Names, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(globals(), "ROOT", tmp_path)
     (tmp_path / "module.py").write_text(f'"""One, see ``{name}``."""\n', encoding="utf-8")

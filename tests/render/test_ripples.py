@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ripples in wind: slopes of Cox and Munk, waves that travel by the dispersion of water, and photographs of them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.experiment.wind_config import WindConfig
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
-from fieldtruth.kernels.water import SAMPLES, new_secondary_batch
+from fieldtruth.kernels.water import blur_sky, new_secondary_batch
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.interval import Moving
 from fieldtruth.sense.ripples import Ripples
@@ -34,7 +35,7 @@ def slopes(ripples: NDArray[np.float32], xy: F8) -> F8:
     batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
     batch.direction[2], batch.point[:2, :count], batch.top[:], batch.distance[:] = -1.0, xy.T, 1, 1.0
     gbuffer[:, MIRROR] = 0.02
-    assert rays_on_water((batch, gbuffer), ripples, count, 1e-9, 0, second) == count
+    assert rays_on_water((batch, gbuffer), ripples, count, 1e-9, True, second) == count
     normal = second.batch.direction[:, :count].T + np.array([0.0, 0.0, 1.0])
     return np.asarray(-normal[:, :2] / normal[:, 2:], np.float64)
 
@@ -72,18 +73,14 @@ def test_each_wave_travels_down_the_wind_at_the_speed_of_its_length() -> None:
 
 @pytest.mark.parametrize("elevation", [0.02, 0.1, 0.5, 1.2])
 def test_waves_below_a_pixel_mirror_what_the_facets_that_are_seen_mirror(elevation: float) -> None:
-    """Mean and spread of directions, against a million facets of which each is weighted by its projected area."""
-    ripples, azimuth, count = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=250.0), 1).at(STAMP), 0.7, 5008
+    """Against a million facets, each weighted by its projected area: slope, reflectance, and skies."""
+    ripples, azimuth = Ripples.drawn(WindConfig(speed_m_s=8.0, direction_deg=250.0), 1).at(STAMP), 0.7
     ahead = np.array([np.cos(azimuth), np.sin(azimuth)])
-    batch, second, gbuffer = new_batch(count), new_secondary_batch(count), np.zeros((count, FIELDS), np.float32)
+    batch, second, gbuffer = new_batch(1), new_secondary_batch(1), np.zeros((1, FIELDS), np.float32)
     ray = np.array([*ahead * np.cos(elevation), -np.sin(elevation)])
     batch.direction[:], batch.top[:], batch.distance[:], gbuffer[:, MIRROR] = ray[:, None], 1, 100.0, 0.02
-    batch.point[:2] = np.random.default_rng(2).uniform(-30.0, 30.0, (2, count))
-    found, shares = list[F8](), np.zeros(count)
-    for sample in range(SAMPLES):
-        assert rays_on_water((batch, gbuffer), ripples, count, 1.0, sample, second) == count
-        found.append(second.batch.direction.T.astype(np.float64))
-        shares += second.share
+    hit = batch, gbuffer
+    assert rays_on_water(hit, ripples, 1, 1.0, True, second) == 1
     number = np.linalg.norm(ripples[:, :2], axis=1)
     part = ripples[:, 2:3] * ripples[:, :2] / number[:, None]
     facets = np.random.default_rng(1).multivariate_normal([0.0, 0.0], 0.5 * part.T @ part, 1_000_000)
@@ -93,29 +90,48 @@ def test_waves_below_a_pixel_mirror_what_the_facets_that_are_seen_mirror(elevati
     away = -(normal @ ray)[:, None]
     there = ray + 2.0 * away * normal
     there[:, 2] = np.abs(there[:, 2])
-    mean = np.average(there, axis=0, weights=seen)
-    spread = np.sqrt(np.average((there - mean) ** 2, axis=0, weights=seen))
-    every = np.concatenate(found)
-    np.testing.assert_allclose(every.mean(axis=0), mean, atol=0.006)
-    np.testing.assert_allclose(every.std(axis=0), spread, rtol=0.04, atol=0.002)
     fresnel = 0.02 + 0.98 * (1.0 - np.clip(away[:, 0], 0.0, 1.0)) ** 5
-    assert shares.mean() == pytest.approx(np.average(fresnel, weights=seen), rel=0.02)
-    # The facets of a pixel are from all parts: its mean scatters by less than 0.7 of that of as many at random.
-    assert np.mean(found, axis=0)[:, 2].std() < 0.7 * spread[2] / np.sqrt(SAMPLES)
+    assert second.share[0] == pytest.approx(np.average(fresnel, weights=seen), rel=0.03)
+
+    mean = np.average(facets, axis=0, weights=seen)  # of the ray that is traced
+    middle = np.array([*-mean, 1.0]) / np.linalg.norm([*mean, 1.0])
+    traced = ray - 2.0 * (middle @ ray) * middle
+    if traced[2] > 0.01:
+        np.testing.assert_allclose(second.batch.direction[:, 0], traced, atol=0.01)
+
+    second.batch.top[:] = -1
+    skies: list[Callable[[F8, F8, F8], F8]] = [
+        lambda x, y, z: 1.0 + 0.5 * x + 0.3 * y,
+        lambda x, y, z: np.asarray(1.0 / (1.0 + np.exp(10.0 * (0.3 - z)))),
+        lambda x, y, z: z**2,
+    ]
+    for sky in skies:
+        blur_sky(hit, second, 1, dome_of(sky), np.float32(2.0))
+        expected = 2.0 * np.average(sky(*there.T), weights=seen * fresnel)
+        assert second.colour[0, 0] == pytest.approx(expected, rel=0.03, abs=0.03)
+        assert second.colour[0, 1] == 0.0
 
 
-def test_facets_are_others_at_another_stamp_and_one_where_each_wave_is_seen() -> None:
-    drawn, second = Ripples.drawn(WindConfig(speed_m_s=8.0), 1), new_secondary_batch(1)
+def dome_of(sky: Callable[[F8, F8, F8], F8]) -> NDArray[np.float32]:
+    """Image (n, n, 3) of a sky that is red by a function of the direction, as ``light.sky_radiance`` reads it."""
+    size = 512
+    x, y = np.meshgrid(*2 * [(np.arange(size) - (0.5 * size - 0.5)) / (0.5 * size * 0.998)], indexing="ij")
+    squared = x**2 + y**2
+    scale = 2.0 / (1.0 + squared)
+    red = sky(x * scale, y * scale, np.maximum((1.0 - squared) / (1.0 + squared), 0.0))
+    return np.stack([red, 0 * red, 0 * red], axis=-1).astype(np.float32)
+
+
+def test_the_sky_is_blurred_by_waves_below_a_pixel_and_sharp_where_each_is_seen() -> None:
+    """Without waves below the pixel, or where the ray meets the shore, a colour stays."""
+    drawn, second = Ripples.drawn(WindConfig(speed_m_s=8.0), 1).at(STAMP), new_secondary_batch(1)
     batch, gbuffer = new_batch(1), np.full((1, FIELDS), 0.02, np.float32)
     batch.direction[:, 0], batch.top[:], batch.distance[:] = (np.cos(0.1), 0.0, -np.sin(0.1)), 1, 100.0
-    found = []
-    for stamp in (STAMP, STAMP, STAMP + 1_000_000):
-        assert rays_on_water((batch, gbuffer), drawn.at(stamp), 1, 1.0, 1, second) == 1
-        found.append(second.batch.direction[:, 0].copy())
-    np.testing.assert_array_equal(found[0], found[1])
-    assert np.abs(found[2] - found[0]).max() > 1e-3
-    assert rays_on_water((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 1, second) == 0
-    assert rays_on_water((batch, gbuffer), drawn.at(STAMP), 1, 1e-9, 0, second) == 1
+    for pixel, top, blurred in ((1.0, -1, True), (1e-9, -1, False), (1.0, 3, False)):
+        assert rays_on_water((batch, gbuffer), drawn, 1, pixel, True, second) == 1
+        second.batch.top[:], second.colour[:] = top, 7.0
+        blur_sky((batch, gbuffer), second, 1, dome_of(lambda x, y, z: 1.0 + 0.0 * x), np.float32(1.0))
+        assert second.colour[0, 0] == pytest.approx(1.0 if blurred else 7.0)
 
 
 def test_photographs_show_the_ripples_of_their_stamp_and_still_water_without_wind() -> None:

@@ -14,7 +14,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.experiment.imaging_config import OPTICAL
 from fieldtruth.kernels.camera_rays import new_batch
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
-from fieldtruth.kernels.water import REFRACTED, RIPPLES, new_secondary_batch
+from fieldtruth.kernels.water import RIPPLES, new_secondary_batch
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import StereoConfig
@@ -42,7 +42,7 @@ def secondary_rays(down_deg: float, *, reflected: bool, pixel: float = 1e-4) -> 
     gbuffer[:, MIRROR] = 0.02
     gbuffer[5, MIRROR] = 0.0  # not water
     batch.top[7] = -1  # a miss
-    found = rays_on_water((batch, gbuffer), RIPPLES, COUNT, pixel, 0 if reflected else REFRACTED, second)
+    found = rays_on_water((batch, gbuffer), RIPPLES, COUNT, pixel, reflected, second)
     rows = second.row[:found]
     assert rows.tolist() == [k for k in range(COUNT) if k not in (5, 7)]
     return (

@@ -12,9 +12,9 @@ def rays_on_water(
     ripples: Float32Array,
     count: int,
     pixel: float,
-    sample: int,
+    reflected: bool,
     second: SecondaryBatch,
 ) -> int:
     """Collect the rays of hits on water; returns their number."""
     find_slopes(hit, ripples, count, pixel, second)
-    return water_rays(hit, count, ripples[0, 3], sample, second)
+    return water_rays(hit, count, reflected, second)

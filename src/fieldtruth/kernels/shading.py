@@ -58,11 +58,10 @@ from fieldtruth.kernels.packets import (
 )
 from fieldtruth.kernels.robot import in_reach, sun_past_robot
 from fieldtruth.kernels.water import (
-    REFRACTED,
-    SAMPLES,
     SecondaryBatch,
     blend_bottom,
     blend_reflection,
+    blur_sky,
     find_slopes,
     new_secondary_batch,
     trace_secondary,
@@ -176,21 +175,19 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
 @inlined
 def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Add the bottom and what is reflected to the colour of water."""
-    second, hit, phase = buffers.secondary, (buffers.batch, buffers.gbuffer), shading.ripples[0, 3]
+    second, hit = buffers.secondary, (buffers.batch, buffers.gbuffer)
     find_slopes(hit, shading.ripples, count, pixel, second)
-    found = water_rays(hit, count, phase, REFRACTED, second)
+    found = water_rays(hit, count, False, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
     blend_bottom(second, found, buffers.colour)
-    for sample in range(SAMPLES):
-        found = water_rays(hit, count, phase, sample, second)
-        if found == 0:
-            continue
-        trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-        shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
-        add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
-        dim(shading, second.batch, found, second.colour)
-        blend_reflection(second, found, sample, buffers.colour)
+    found = water_rays(hit, count, True, second)
+    trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
+    shade_hits(shading, buffers, second.batch, found, pixel, (second.gbuffer, second.colour), _ALL)
+    blur_sky(hit, second, found, shading.light.dome.rgb, _EXPOSURE * shading.exposure)
+    add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
+    dim(shading, second.batch, found, second.colour)
+    blend_reflection(second, found, buffers.colour)
 
 
 @kernel(inner=True)

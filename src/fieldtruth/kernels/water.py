@@ -16,6 +16,7 @@ from fieldtruth.kernels import packets
 from fieldtruth.kernels.camera_rays import RayBatch, new_batch, seen_over_map
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
+from fieldtruth.kernels.light import sky_radiance
 from fieldtruth.kernels.packets import IntArray, Packet, SceneRays, hit_mover, hit_top, set_ray, trace_packet
 
 _LANES, _FAR = packets.LANES, packets.TFAR
@@ -37,8 +38,7 @@ class SecondaryBatch(NamedTuple):
     colour: Float32Array  # (n, 3)
     row: IntArray  # (n,) of the point on the water
     share: Float32Array  # (n,) of the light that is reflected there
-    slopes: Float32Array  # (n, 5) by the batch's rows: slope of the water, and variances of it below a pixel
-    under: Float32Array  # (n, 3) by the batch's rows: colour of the water without what it reflects
+    slopes: Float32Array  # (n, 8) by the batch's rows: see ``find_slopes``
 
 
 def new_secondary_batch(count: int) -> SecondaryBatch:
@@ -49,8 +49,7 @@ def new_secondary_batch(count: int) -> SecondaryBatch:
         colour=np.zeros((count, 3), np.float32),
         row=np.zeros(count, np.int32),
         share=np.zeros(count, np.float32),
-        slopes=np.zeros((count, 5), np.float32),
-        under=np.zeros((count, 3), np.float32),
+        slopes=np.zeros((count, 8), np.float32),
     )
 
 
@@ -91,10 +90,11 @@ def _seen_slopes() -> Float32Array:
     return table.astype(np.float32)
 
 
-SAMPLES: Final = 4
-"""Facets of a pixel that mirror, where it spans many; a prime less 1, so that parts along and across the ray differ."""
-REFRACTED: Final = -1
-_LEVEL: Final = 1e4  # tangent over deviation from above, where all facets are seen as well
+_GAUSS = np.polynomial.legendre.leggauss(6)
+_SHARES: Final = 0.5 + 0.5 * _GAUSS[0]
+_WEIGHTS: Final = 0.25 * _GAUSS[1]  # half of a node's, as each has two facets
+"""Facets of a pixel that mirror the sky, where it spans many: Gauss's nodes along the ray, two across it for each."""
+_ROUGH: Final = 1e-9  # variance of slopes below a pixel, from which on it has facets
 _TABLE: Final = _seen_slopes()
 RIPPLES: Final = _waves()
 """Those without wind; in wind they are of ``sense.ripples``."""
@@ -116,6 +116,7 @@ def _slope(ripples: Float32Array, x: float, y: float, footprint: float) -> tuple
     return sx, sy
 
 
+_Direction = tuple[float, float, float]
 _Variances = tuple[float, float, float]
 """Of the slope along a ray, of both slopes together, and of that across it."""
 
@@ -130,6 +131,8 @@ def _unresolved(ripples: Float32Array, ahead: tuple[float, float], footprint: fl
             kx, ky = ripples[n, 0], ripples[n, 1]
             wave_number = math.sqrt(kx * kx + ky * ky)
             fade = min(max(1.6 - 0.5 * footprint * wave_number, 0.0), 1.0)
+            if fade >= 1.0:
+                continue
             power = 0.5 * ripples[n, 4] * (1.0 - fade * fade) * ripples[n, 2] * ripples[n, 2]
             a, b = (kx * dx + ky * dy) / wave_number, (ky * dx - kx * dy) / wave_number
             along += power * a * a
@@ -151,42 +154,97 @@ def _seen(t: float, share: float) -> float:
 
 
 @inlined
-def _facet(
-    variances: _Variances, ahead: tuple[float, float], steep: float, sample: int, number: tuple[float, float]
-) -> tuple[float, float]:
-    """Slope along x and y of one of SAMPLES facets of waves below a pixel; ``steep``: tangent of the ray's elevation.
+def _facets(variances: _Variances, ahead: tuple[float, float], steep: float, node: int) -> tuple[float, ...]:
+    """Slopes along x and y of the two facets of a node, of waves below a pixel; ``steep``: tangent of the elevation.
 
-    Each is from another part of those that are seen, at random ``number`` (2,) in it, so that together they are spread
-    as all of them are. Refracted rays (REFRACTED) take the middle one.
+    Across the ray they have the deviation to either side, which has the mean and variance of all.
     """
-    dx, dy = ahead
     along, both, across = variances
-    deviation = math.sqrt(along)
-    if sample == REFRACTED:
-        first, second = 0.5, 0.5
-    else:
-        first = (sample + number[0]) / SAMPLES
-        turn = int(number[1] * SAMPLES)  # so that no part along the ray is always with the same across it
-        part = ((2 * sample + 1) % (SAMPLES + 1) + turn) % SAMPLES
-        second = (part + number[1] * SAMPLES - turn) / SAMPLES
-    towards = deviation * _seen(steep / deviation, first)  # above 0 the water rises along the ray, and faces the viewer
-    aside = both / along * towards + math.sqrt(max(across - both * both / along, 0.0)) * _seen(_LEVEL, second)
-    return towards * dx - aside * dy, towards * dy + aside * dx
+    deviation, aside = math.sqrt(along), math.sqrt(max(across - both * both / along, 0.0))
+    towards = deviation * _seen(steep / deviation, _SHARES[node])  # above 0 the water rises along the ray
+    left = _about(ahead, towards, both / along * towards + aside)
+    right = _about(ahead, towards, both / along * towards - aside)
+    return left[0], left[1], right[0], right[1]
 
 
 @inlined
-def _mixed(x: float, y: float, phase: float) -> tuple[float, float]:
-    """Two numbers in [0, 1) of a point of the water [m] and a phase that its stamp changes."""
-    one = 43758.5453 * math.sin(12.9898 * x + 78.233 * y + 37.719 * phase)
-    other = 24634.6345 * math.sin(39.3467 * x + 11.135 * y + 83.155 * phase)
-    return one - math.floor(one), other - math.floor(other)
+def _about(ahead: tuple[float, float], towards: float, aside: float) -> tuple[float, float]:
+    """Slope along x and y of a slope along a ray's direction and across it."""
+    return towards * ahead[0] - aside * ahead[1], towards * ahead[1] + aside * ahead[0]
+
+
+@inlined
+def _mean_facet(variances: _Variances, ahead: tuple[float, float], steep: float) -> tuple[float, float]:
+    """Mean slope along x and y of the facets that are seen of waves below a pixel.
+
+    At the elevation whose tangent is T it is v F(t) / (T F(t) + sqrt(v) f(t)) along the ray, t = T / sqrt(v), with the
+    variance v, the normal distribution F and its density f: 1.25 sqrt(v) at grazing incidence, so far water mirrors
+    higher sky.
+    """
+    along, both, _ = variances
+    t = steep / math.sqrt(along)
+    below = 0.5 * (1.0 + math.erf(t / math.sqrt(2.0)))
+    towards = along * below / (steep * below + math.sqrt(along / (2.0 * math.pi)) * math.exp(-0.5 * t * t))
+    return _about(ahead, towards, both / along * towards)
+
+
+@inlined
+def _mirrored(ray: _Direction, sx: float, sy: float, mirror: float) -> tuple[_Direction, float]:
+    """Unit direction of a ray that a facet of a slope reflects upwards, and the share of the light that it reflects.
+
+    What a facet sends down, the water behind it sends up again. The share is Schlick's (1994) approximation of Fresnel
+    reflectance, exact at normal and at grazing incidence.
+    """
+    dx, dy, dz = ray
+    scale = 1.0 / math.sqrt(1.0 + sx * sx + sy * sy)
+    cosine = max((dx * sx + dy * sy - dz) * scale, 0.01)
+    rx, ry, rz = dx - 2.0 * cosine * sx * scale, dy - 2.0 * cosine * sy * scale, abs(dz + 2.0 * cosine * scale)
+    per = 1.0 / math.sqrt(rx * rx + ry * ry + rz * rz)
+    away = (1.0 - cosine) ** 2
+    return (rx * per, ry * per, rz * per), mirror + (1.0 - mirror) * away * away * (1.0 - cosine)
+
+
+@inlined
+def _ahead(dx: float, dy: float) -> tuple[float, float]:
+    """Unit direction in plan view of a ray."""
+    flat = math.sqrt(dx * dx + dy * dy)
+    return (dx / flat, dy / flat) if flat > 1e-6 else (1.0, 0.0)
+
+
+@inlined
+def _variances(second: SecondaryBatch, k: int) -> _Variances:
+    """Variances of the slopes below the pixel of a row."""
+    return second.slopes[k, 2], second.slopes[k, 3], second.slopes[k, 4]
+
+
+@inlined
+def _steep(dx: float, dy: float, dz: float) -> float:
+    """Tangent of the elevation from which a ray comes."""
+    return -dz / max(math.sqrt(dx * dx + dy * dy), 1e-6)
+
+
+@inlined
+def _mean_share(second: SecondaryBatch, ray: _Direction, k: int, mirror: float) -> np.float32:
+    """Mean share of the light that the facets of a pixel reflect."""
+    dx, dy, dz = ray
+    variances, ahead, steep, total = _variances(second, k), _ahead(dx, dy), _steep(dx, dy, dz), 0.0
+    sx, sy = second.slopes[k, 0], second.slopes[k, 1]
+    for node in range(len(_SHARES)):
+        ax, ay, bx, by = _facets(variances, ahead, steep, node)
+        shares = _mirrored(ray, sx + ax, sy + ay, mirror)[1] + _mirrored(ray, sx + bx, sy + by, mirror)[1]
+        total += _WEIGHTS[node] * shares
+    return np.float32(total)
 
 
 @kernel
 def find_slopes(
     hit: tuple[RayBatch, Float32Array], ripples: Float32Array, count: int, pixel: float, second: SecondaryBatch
 ) -> None:
-    """Write ``slopes`` of all hits on water, a batch with its G-buffer, for ``water_rays``."""
+    """Write ``slopes`` of all hits on water, a batch with its G-buffer, for ``water_rays``.
+
+    They are the slope along x and y, the three variances of waves below the pixel, and of the facets of these the mean
+    share of the light that they reflect, and the mean slope.
+    """
     batch, gbuffer = hit
     for k in range(count):
         dx, dy, dz = batch.direction[0, k], batch.direction[1, k], batch.direction[2, k]
@@ -197,24 +255,18 @@ def find_slopes(
         along, both, across = _unresolved(ripples, _ahead(dx, dy), footprint)
         second.slopes[k, 0], second.slopes[k, 1] = sx, sy
         second.slopes[k, 2], second.slopes[k, 3], second.slopes[k, 4] = along, both, across
-
-
-@inlined
-def _ahead(dx: float, dy: float) -> tuple[float, float]:
-    """Unit direction in plan view of a ray."""
-    flat = math.sqrt(dx * dx + dy * dy)
-    return (dx / flat, dy / flat) if flat > 1e-6 else (1.0, 0.0)
+        if along > _ROUGH:
+            second.slopes[k, 5] = _mean_share(second, (dx, dy, dz), k, gbuffer[k, MIRROR])
+            mean = _mean_facet((along, both, across), _ahead(dx, dy), _steep(dx, dy, dz))
+            second.slopes[k, 6], second.slopes[k, 7] = mean
 
 
 @kernel
-def water_rays(
-    hit: tuple[RayBatch, Float32Array], count: int, phase: float, sample: int, second: SecondaryBatch
-) -> int:
-    """Collect rays of all hits on water, whose ``slopes`` are known; returns their number.
+def water_rays(hit: tuple[RayBatch, Float32Array], count: int, reflected: bool, second: SecondaryBatch) -> int:
+    """Collect the reflected or refracted rays of all hits on water, whose ``slopes`` are known; returns their number.
 
-    ``sample`` is REFRACTED, or the number of the reflected ray: where waves are too short for a pixel there are SAMPLES
-    of them, elsewhere the first one only. ``share`` is the share of the light that the ray brings: Schlick's (1994)
-    approximation of Fresnel reflectance, exact at normal and at grazing incidence, over the number of rays.
+    ``share`` is Schlick's (1994) approximation of Fresnel reflectance, exact at normal and at grazing incidence; where
+    waves are too short for a pixel, the mean over its facets. Its ray is that of the mean slope of these.
     """
     batch, gbuffer = hit
     top, point, direction, image = batch.top, batch.point, batch.direction, batch.image
@@ -225,27 +277,21 @@ def water_rays(
         dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if dz >= 0.0:
             continue
-        sx, sy, weight = second.slopes[k, 0], second.slopes[k, 1], one
-        is_rough = second.slopes[k, 2] > 1e-9
-        if sample > 0 and not is_rough:
-            continue
+        sx, sy = second.slopes[k, 0], second.slopes[k, 1]
+        is_rough = second.slopes[k, 2] > _ROUGH
         if is_rough:
-            weight = np.float32(1.0 / SAMPLES)
-            number, flat = _mixed(point[0, k], point[1, k], phase), math.sqrt(dx * dx + dy * dy)
-            variances = (second.slopes[k, 2], second.slopes[k, 3], second.slopes[k, 4])
-            tx, ty = _facet(variances, _ahead(dx, dy), -dz / max(flat, 1e-6), sample, number)
-            sx += np.float32(tx)
-            sy += np.float32(ty)
+            sx += second.slopes[k, 6]
+            sy += second.slopes[k, 7]
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         nx, ny, nz = -sx * scale, -sy * scale, scale
         cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))
         away = one - cosine
         away *= away * away * away * away
         share = gbuffer[k, MIRROR] + (one - gbuffer[k, MIRROR]) * away
-        if sample != REFRACTED:
+        if is_rough:
+            share = second.slopes[k, 5]
+        if reflected:
             rx, ry, rz = dx + 2 * cosine * nx, dy + 2 * cosine * ny, dz + 2 * cosine * nz
-            if is_rough:
-                rz = abs(rz)  # what a facet sends down, the water behind it sends up again
             rz = max(rz, np.float32(0.004))
         else:
             if share > np.float32(0.85):
@@ -259,9 +305,37 @@ def water_rays(
         out.direction[0, n], out.direction[1, n], out.direction[2, n] = rx * scale, ry * scale, rz * scale
         out.point[0, n], out.point[1, n], out.point[2, n] = point[0, k], point[1, k], point[2, k]
         out.image[0, n], out.image[1, n] = image[0, k], image[1, k]
-        second.row[n], second.share[n] = k, share * weight
+        second.row[n], second.share[n] = k, share
         n += 1
     return n
+
+
+@kernel
+def blur_sky(
+    hit: tuple[RayBatch, Float32Array], second: SecondaryBatch, count: int, dome: Float32Array, scale: np.float32
+) -> None:
+    """Write the colour of reflected rays that meet the sky, of pixels of many facets: the mean of what these mirror.
+
+    ``dome`` is the sky's image, and ``scale`` makes its radiance a colour.
+    """
+    gbuffer, direction = hit[1], hit[0].direction
+    for n in range(count):
+        k = second.row[n]
+        if second.batch.top[n] >= 0 or second.slopes[k, 2] <= _ROUGH:
+            continue
+        dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
+        variances, ahead, steep = _variances(second, k), _ahead(dx, dy), _steep(dx, dy, dz)
+        red, green, blue, total = 0.0, 0.0, 0.0, 0.0
+        sx, sy = second.slopes[k, 0], second.slopes[k, 1]
+        for node in range(len(_SHARES)):
+            ax, ay, bx, by = _facets(variances, ahead, steep, node)
+            for tx, ty in ((ax, ay), (bx, by)):
+                (rx, ry, rz), share = _mirrored((dx, dy, dz), sx + tx, sy + ty, gbuffer[k, MIRROR])
+                share *= _WEIGHTS[node]
+                r, g, b = sky_radiance(dome, rx, ry, rz)
+                red, green, blue, total = red + share * r, green + share * g, blue + share * b, total + share
+        second.colour[n, 0], second.colour[n, 1] = scale * red / total, scale * green / total
+        second.colour[n, 2] = scale * blue / total
 
 
 @kernel
@@ -290,15 +364,12 @@ def trace_secondary(scene: SceneRays, tops: IntArray, packet: Packet, second: Se
 
 
 @kernel
-def blend_reflection(second: SecondaryBatch, count: int, sample: int, colour: Float32Array) -> None:
-    """Blend the light of a number of reflected rays into the colour of the water by their shares."""
-    under = second.under
+def blend_reflection(second: SecondaryBatch, count: int, colour: Float32Array) -> None:
+    """Blend reflected light into the colour of the water by the Fresnel share."""
     for n in range(count):
         k, share = second.row[n], second.share[n]
         for channel in range(3):
-            if sample == 0:
-                under[k, channel] = colour[k, channel]
-            colour[k, channel] += (second.colour[n, channel] - under[k, channel]) * share
+            colour[k, channel] += (second.colour[n, channel] - colour[k, channel]) * share
 
 
 @kernel
