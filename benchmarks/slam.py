@@ -155,7 +155,7 @@ def errors(run: Path, estimate: Path, later_s: float) -> dict[str, float]:
 
 
 def compared(truth: PoseTrajectory3D, estimate: PoseTrajectory3D) -> dict[str, float]:
-    """Errors of positions after a rigid alignment, and of motions over 1 m and 5 m; NaN on a shorter path."""
+    """Errors of positions after a rigid alignment, and of motions over 1 m and 5 m; NaN on a path below 1.2 of it."""
     estimate.align(truth)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, estimate))

@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+import yaml
 from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
 from fieldtruth import cli, world_maps
 from fieldtruth.bag.run import open_run
-from fieldtruth.core.errors import OutputError
+from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.cost import tiles, write_cost_map
 from fieldtruth.cost.check import validate_cost_map
 from fieldtruth.exporters import MapOptions, export
 from fieldtruth.local_maps import LocalMaps, check, world_of_run
 from fieldtruth.local_maps.check import validate_map
+from fieldtruth.local_maps.costs import read_costs
 from fieldtruth.validation import Check, runner
 from fieldtruth.world import build
 from fieldtruth.world.model import World
@@ -233,9 +235,43 @@ def test_costs_in_maps_around_the_robot_are_those_of_the_map_of_costs_and_driven
     for name in ("energy_v1", "energy_v1_h000", "energy_v1_h180"):  # so that the mean fits
         changed(maps / "costs.npz", name, (0, 0))
     assert [each.passed for each in validate_cost_map(maps / "costs.npz")] == [True, False]
-    (maps / "costs.npz").unlink()
     path.write_bytes(good)
+    assert result(maps, "local maps").passed
+    with np.load(maps / "costs.npz") as file:
+        layers = dict(file)
+    for rig in (json.dumps({"robot": "jackal"}), "{}"):
+        np.savez(maps / "costs.npz", allow_pickle=False, **layers | {"rig": np.array(rig)})
+        assert result(maps, "local maps").text.endswith(
+            f"costs.npz, which is of {'another' if 'j' in rig else 'no'} robot"
+        )
+    (maps / "costs.npz").unlink()
+    assert result(maps, "local maps").text.endswith("costs.npz, which is missing")
+    about = yaml.safe_load((maps / "map.yaml").read_text(encoding="utf-8"))
+    (maps / "map.yaml").write_text(yaml.safe_dump({key: about[key] for key in about if key != "cost"}))
+    assert result(maps, "local maps").passed
     assert "not costs and what follows from them, without costs.npz" in result(maps, "local maps").text
+
+
+@pytest.mark.parametrize("damage", ["empty", "other", "byte", "x0", "flat", "resolution"])
+def test_a_damaged_map_of_costs_is_refused_in_one_line(damage: str, tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+    layers: dict[str, Any] = {"x0": 0.0, "y0": 0.0, "resolution": 0.5, "world": "park with seed 0, "}
+    layers |= {"passes_v1": np.ones((40, 40), np.uint8), "energy_v1": np.random.default_rng(0).random((40, 40))}
+    np.savez_compressed(path, allow_pickle=False, **layers)
+    assert read_costs(path).grid.shape == (40, 40)
+    whole = path.read_bytes()
+    half = len(whole) // 2
+    if damage in ("x0", "flat", "resolution"):
+        changed = {"x0": {}, "flat": {"passes_v1": np.ones(9)}, "resolution": {"resolution": 0.0}}[damage]
+        kept = {key: layers[key] for key in layers if key != damage}
+        np.savez(path, allow_pickle=False, **kept | changed)
+    elif damage == "other":
+        with path.open("wb") as file:
+            np.save(file, np.ones(3))
+    else:
+        path.write_bytes(b"" if damage == "empty" else whole[:half] + bytes([whole[half] ^ 8]) + whole[half + 1 :])
+    with pytest.raises(ConfigurationError, match=r"^\S+c\.npz is no "):
+        read_costs(path)
 
 
 def test_map_of_a_site_is_made_in_its_world(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from fieldtruth.maps.osm import Feature
 from fieldtruth.world.environments.site.config import Config
@@ -88,3 +89,19 @@ def test_water_goes_on_beyond_the_edge_only_where_it_reaches_it(low: float, east
     area = sum(abs(signed_area(corners)) for corners in sheet.vertices[sheet.faces][..., :2].astype(np.float64))
     within = (min(east + 0.4, 12.0) + 2.4) * (4.4 - max(low - 0.4, -8.0))
     assert area == pytest.approx(within + beyond, abs=0.3)
+
+
+def test_joints_of_limbs_stay_in_the_trunk_where_a_crown_is_widened() -> None:
+    """Else limbs would turn about points beside their tree."""
+    ground = Heightfield(heights=np.zeros((25, 17), np.float32), spacing=1.0, x0=-12.0, y0=-8.0)
+    gaps = []
+    for crown in (np.nan, 12.0):
+        builder = WorldBuilder(ground, SIZE, [], [])
+        plant_trees(builder, [Stem(0.0, 0.0, 12.0, crown, "willow")], CONFIG, np.random.default_rng(0), lambda _: None)
+        [mesh] = [builder.meshes[tree.mesh] for tree in builder.instances]
+        assert mesh.limb is not None
+        assert mesh.joints is not None
+        trunk = mesh.vertices[np.unique(mesh.faces[mesh.limb == -1])]
+        gaps.append(cKDTree(trunk).query(mesh.joints)[0].max())
+    assert "_w" in mesh.name
+    assert gaps[1] < 1.3 * gaps[0]

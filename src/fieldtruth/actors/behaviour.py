@@ -248,14 +248,20 @@ class Behaviour:
         mind.flees = False
 
     def _heed(self, member: Member, mind: Mind, position: Array, robots: Sequence[RobotState], now: float) -> None:
-        """Watch the nearest robot if it comes near, and run away from it if it is too near."""
-        gaps = [math.hypot(robot.x - position[0], robot.y - position[1]) - robot.radius for robot in robots]
-        robot, gap = robots[int(np.argmin(gaps))], min(gaps)
-        if gap < FLIGHT:
-            self._flee_from(member, mind, position, robot)
-        elif gap < ALERT and abs(robot.speed) > _ASTIR:
-            mind.task, mind.action, mind.home, mind.until = "wait", "walk", position.copy(), now + _WATCHES
-            mind.facing = math.atan2(robot.y - position[1], robot.x - position[0])
+        """Run away from the nearest robot if it is too near, and watch the nearest one that moves, if it is near."""
+
+        def gap(robot: RobotState) -> float:
+            return math.hypot(robot.x - position[0], robot.y - position[1]) - robot.radius
+
+        if gap(nearest := min(robots, key=gap)) < FLIGHT:
+            self._flee_from(member, mind, position, nearest)
+            return
+        watched = min((robot for robot in robots if abs(robot.speed) > _ASTIR), key=gap, default=None)
+        if watched is not None and gap(watched) < ALERT:
+            rests_until = mind.until if mind.task == "wait" else now
+            mind.task, mind.action, mind.home = "wait", "walk", position.copy()
+            mind.until = max(rests_until, now + _WATCHES)
+            mind.facing = math.atan2(watched.y - position[1], watched.x - position[0])
 
     def _flee_from(self, member: Member, mind: Mind, position: Array, robot: RobotState) -> None:
         """Run away from a robot."""

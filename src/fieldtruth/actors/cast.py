@@ -29,6 +29,7 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.experiment.actor_config import MOST_ACTORS, actor_names
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.fields import validated_as
 from fieldtruth.sense.moving import KNOT_NS, KnotPoses, MovingBody
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.model import Collider, Heightfield, World
@@ -39,12 +40,17 @@ def figures_of(experiment: Experiment) -> dict[str, Figure]:
     """Return the bodies of the actors of an experiment by name."""
     if not experiment.actors:
         return {}
-    layout = layout_model(experiment.environment).model_validate(experiment.layout)
-    summer = getattr(layout, "season", SUMMER) == SUMMER
+    summer = not any(actor.kind in IN_WINTER_COAT for actor in experiment.actors.values()) or _is_summer(experiment)
     return {
         name: _figure(experiment.actors[key].kind, name, experiment.seed, summer)
         for name, key in actor_names(experiment.actors)
     }
+
+
+def _is_summer(experiment: Experiment) -> bool:
+    """Return whether an experiment is in summer, as one without seasons is; ConfigurationError of its layout."""
+    layout = validated_as(layout_model(experiment.environment), experiment.layout, "layout")
+    return bool(getattr(layout, "season", SUMMER) == SUMMER)
 
 
 @lru_cache(maxsize=2 * MOST_ACTORS)

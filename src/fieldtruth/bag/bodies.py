@@ -27,7 +27,7 @@ from fieldtruth.sense.wind import leaning_of
 from fieldtruth.world.model import World
 
 
-def with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody]]:
+def _with_bodies(world: World, run: BagFile, experiment: Experiment) -> tuple[World, list[MovingBody]]:
     """Return the world of a run with the materials and ids of what moves, and the bodies.
 
     Raises:
@@ -53,7 +53,7 @@ def moving_in(world: World, run: BagFile, experiment: Experiment) -> tuple[World
     Raises:
         BagError: the bag is damaged, or lacks them.
     """
-    world, bodies = with_bodies(world, run, experiment)
+    world, bodies = _with_bodies(world, run, experiment)
     pressing = experiment.plants.yielding or experiment.ground.ruts
     robots = _robots_in(world, run, experiment) if pressing else {}
     leans = [leans_of(world, robots)] if experiment.plants.yielding else []

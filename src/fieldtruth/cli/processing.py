@@ -95,17 +95,18 @@ def _validate(options: argparse.Namespace) -> int:
             own = {"workers": options.workers, "progress": progress}
             alone = is_map(path)
             maps = [path] if alone else maps_in(path) * (not options.quick)
-            maps += [costs for each in maps for costs in costs_in(each)]
+            costs = [each for folder in maps for each in costs_in(folder)]
             checks = list[Check]()
             if not alone:
                 checks += validate(path, quick=options.quick, full=options.full, samples=options.samples, **own)
-            for each in maps:
+            for each in [*maps, *costs]:
                 try:
-                    checks += (validate_cost_map if has_costs(each) else validate_map)(each, **own)
+                    checks += (validate_cost_map if each in costs or has_costs(each) else validate_map)(each, **own)
                 except FieldtruthError as error:
-                    if alone:
+                    if each == path:
                         raise
-                    checks.append(Check("local maps", False, str(error)))  # beside those of the run
+                    name = "costs" if each in costs else "local maps"
+                    checks.append(Check(name, False, str(error)))  # beside those of the run
         heading = f"{path}:\n" * bool(robots and not options.json)
         print(heading + (as_json(checks) if options.json else as_text(checks)))
         failed |= any(check.passed is False for check in checks)

@@ -27,7 +27,10 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import ClassTable
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image, Reading
-from fieldtruth.datasets.items import DEFAULT_ITEMS, GEOMETRY, ITEMS, RAGGED, ROLES, Anchor, Meaning, Sample
+from fieldtruth.datasets.items import DEFAULT_ITEMS, RAGGED, ROLES, Anchor, Meaning
+from fieldtruth.datasets.items import GEOMETRY as GEOMETRY
+from fieldtruth.datasets.items import ITEMS as ITEMS
+from fieldtruth.datasets.items import Sample as Sample
 from fieldtruth.experiment.image_topics import IMAGES
 from fieldtruth.ontology import LabelMap, label_map_of, own_labels
 

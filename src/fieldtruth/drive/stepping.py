@@ -3,7 +3,9 @@
 """Where MuJoCo has what compiled code reads after a step: ``mj_step``, and contacts and forces in its data.
 
 MuJoCo's bindings come with a description of its structures, from which offsets follow. They are tried on a ball on a
-plane. Where they are not as described, robots are stepped from Python, with equal bits and half as fast again.
+plane. Where they are not as described, robots are stepped from Python: with equal bits, and each step takes half as
+long again. An error inside of MuJoCo, such as too little memory for contacts, ends the process with its message, where
+a step from Python raises ``mujoco.FatalError``.
 """
 
 import ctypes as c
@@ -77,6 +79,7 @@ def _fits(ncon: int, contacts: int, forces: int, size: int, geom: int, row: int)
     first = c.c_void_p.from_address(start + contacts).value or 0
     return bool(
         c.c_int.from_address(start + ncon).value == data.ncon == 1
+        and model._address
         and first + geom == known.geom1.ctypes.data
         and first + row == known.efc_address.ctypes.data
         and c.c_void_p.from_address(start + forces).value == data.efc_force.ctypes.data

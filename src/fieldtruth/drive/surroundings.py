@@ -218,21 +218,23 @@ class Surroundings:
         self.contacts = WheelContacts(self.model, self.data, self.bearing, rig, soil)
         self.hull = Hull(self.bearing, rig)
         self._ground = self.model.geom("ground").id
-        self._engine = engine_of(self.model, self.data) if isinstance(soil, SoilContact) else None
+        # A law of a subclass is not that which is compiled.
+        self._is_compiled = type(soil) is SoilContact and engine_of(self.model, self.data) is not None
         self._underside = self.hull.underside(self.model, self._ground)
         self._reach = _nearby(self.model, rig, step_s, moving=bool(others))
 
     @property
     def is_compiled(self) -> bool:
         """Return whether ``make_steps`` can be called."""
-        return self._engine is not None
+        return self._is_compiled
 
     def make_steps(self, record: Record, first: int, every: int, done: int) -> tuple[int, bool]:
         """Make the steps of a record that are not done, with a look at the ground every so many; see its kernel."""
-        assert self._engine is not None
+        engine = engine_of(self.model, self.data)  # addresses of these, not of one that this is a copy of
+        assert engine is not None
         assert isinstance(self._soil, SoilContact)
         soil, contacts = self._soil, self.contacts
-        body = self._engine, contacts.bed, self._underside, self._reach
+        body = engine, contacts.bed, self._underside, self._reach
         return make_steps(body, (soil.mixture, contacts.wheels, soil.state), record, (first, every, soil.step_s), done)
 
     @property

@@ -143,7 +143,8 @@ class WholeObjects:
         if piece != WHOLE and (name, piece) not in self._pieces:
             own = faces_of_piece(mesh, piece)
             faces, material = mesh.faces[own], mesh.material[own]
-            part = replace(mesh, name=f"{name} {piece}", faces=faces, material=material, part=None, limb=None)
+            bare = replace(mesh, part=None, limb=None, joints=None)
+            part = replace(bare, name=f"{name} {piece}", faces=faces, material=material)
             self._pieces[name, piece] = part
         return mesh if piece == WHOLE else self._pieces[name, piece]
 

@@ -34,9 +34,11 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (run,) = runs
     maps = LocalMaps(run, **options.maps.given(), workers=options.workers, progress=options.progress)
     target.mkdir()
+    about = maps.describe()
     if options.maps.cost is not None:
         shutil.copyfile(options.maps.cost, target / FILE)  # by which ``validate`` makes the costs again
-    (target / ABOUT).write_text(yaml.safe_dump(maps.describe(), sort_keys=False), encoding="utf-8")
+        about["cost"] = FILE
+    (target / ABOUT).write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
 
     def save(stamp_ns: int) -> None:
         np.savez_compressed(target / f"{stamp_ns}.npz", allow_pickle=False, **maps.at(stamp_ns).arrays)

@@ -4,7 +4,6 @@
 
 import json
 import re
-import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -24,7 +23,7 @@ from fieldtruth.core.parallel import check_memory, cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.environment_file import environment_of
 from fieldtruth.local_maps import OWN, LocalMaps
-from fieldtruth.local_maps.costs import FILE
+from fieldtruth.local_maps.costs import DAMAGED, FILE
 from fieldtruth.local_maps.rays import HEIGHTS, wrong_heights
 from fieldtruth.validation.check import Check, Count, Rule, Spec, Tally
 from fieldtruth.world import build
@@ -47,8 +46,6 @@ _CLOSE: Final = 1e-4  # [m], or share, by which another processor may round
 _TEXT: Final = re.compile(r"(.+) with seed (\d+), ")
 _SHAPE: Final = 2  # dimensions of a layer
 _NUMBERS: Final = "biuf"  # kinds of their values
-DAMAGED: Final = (LookupError, TypeError, ValueError, OSError, EOFError, StopIteration, zipfile.BadZipFile, zlib.error)
-"""Errors of readers of damaged maps."""
 Values = Mapping[str, NDArray[Any]]
 
 
@@ -134,17 +131,21 @@ def _check_local(folder: Path, run: Run, workers: int, progress: Progress) -> li
     try:
         about = yaml.safe_load((folder / ABOUT).read_text(encoding="utf-8"))
         side, resolution = float(about["side"]), float(about["resolution"])
-        names = [str(name) for name in about["layers"]]
+        names, has_costs = [str(name) for name in about["layers"]], "cost" in about
     except (*DAMAGED, yaml.YAMLError) as error:
         raise ConfigurationError(f"{folder / ABOUT} does not describe maps around a robot") from error
     cost = next(iter(costs_in(folder)), None)
-    unknown = cost is None and any(name not in LAYERS and name not in OWN for name in names)
+    unknown = cost is None and (has_costs or any(name not in LAYERS and name not in OWN for name in names))
     if unknown:
         names = [name for name in names if name in LAYERS or (name in OWN and name != "free")]
     given: dict[str, Any] = {"side": side, "resolution": resolution, "layers": names, "cost": cost}
     maps = LocalMaps(run, **given, workers=workers, progress=progress)
     tally, rays, world = Tally(LOCAL), Tally(HEIGHT_RAYS), local_maps.world_of_run(run)
     stamps, found = maps.stamps_ns.tolist(), _stamped(folder)
+    if has_costs and cost is None:
+        tally[SAME_CELLS].add(1, 1, f"{FILE}, which is missing")
+    if cost is not None and (robot := read_map(cost).rig.get("robot")) != run.rig.robot.model_dump(mode="json"):
+        tally[SAME_CELLS].add(1, 1, f"{FILE}, which is of {'another' if robot else 'no'} robot")
     for path in sorted(path for stamp, path in found.items() if stamp not in stamps):
         tally[SAME_CELLS].add(1, 1, f"{path.name}, at whose stamp there is no frame")
     for stamp in stamps:

@@ -3,6 +3,7 @@
 """Files of ``fieldtruth cost``, read back for maps around a robot: a cell takes the cost of the cell it is in."""
 
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -17,6 +18,9 @@ from fieldtruth.world_maps.layers import Grid, Layer, Layers
 
 FILE: Final = "costs.npz"
 """Copy of the map of costs in a folder of maps around a robot."""
+DAMAGED: Final = (LookupError, TypeError, ValueError, OSError, EOFError, StopIteration, zipfile.BadZipFile, zlib.error)
+"""Errors of readers of damaged maps."""
+_SHAPE: Final = 2  # dimensions of a layer
 _UNITS = {"tilt": "rad", "peak": "m/s2", "rms": "m/s2", "energy": "J/m", "time": "s/m"}
 
 
@@ -72,13 +76,16 @@ def read_costs(path: Path) -> CostMap:
             found = dict(file)
     except FileNotFoundError as error:
         raise ConfigurationError(f"{path} does not exist; `fieldtruth cost EXPERIMENT --to npz` makes it") from error
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except DAMAGED as error:
         raise ConfigurationError(f"{path} is no NPZ file; `fieldtruth cost EXPERIMENT --to npz` makes one") from error
-    passes = next((found[name] for name in found if name.startswith("passes_v")), None)
-    if passes is None or "world" not in found:
-        raise ConfigurationError(
-            f"{path} is no map of costs that names its world; `fieldtruth cost EXPERIMENT --to npz` makes one"
-        )
-    grid = Grid(float(found["x0"]), float(found["y0"]), float(found["resolution"]), passes.shape)
+    try:
+        passes = next(values for name, values in found.items() if name.startswith("passes_v") and values.ndim == _SHAPE)
+        x0, y0, resolution = (float(found[key]) for key in ("x0", "y0", "resolution"))
+        if not (resolution > 0.0 and np.isfinite([x0, y0, resolution]).all() and "world" in found):
+            raise ValueError("no grid, or no world")
+    except DAMAGED as error:
+        text = "is no map of costs that names its world; `fieldtruth cost EXPERIMENT --to npz` makes one"
+        raise ConfigurationError(f"{path} {text}") from error
+    grid = Grid(x0, y0, resolution, (int(passes.shape[0]), int(passes.shape[1])))
     layers = {name: values for name, values in found.items() if values.shape == passes.shape}
     return CostMap(grid, layers, path, str(found["world"]))

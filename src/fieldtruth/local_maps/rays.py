@@ -44,7 +44,8 @@ def _only(world: World, keep: Keep, low: Array, high: Array, *, ground: bool) ->
     meshes, reach = {}, {}
     for name, mesh in world.meshes.items():
         own = np.array([keep(world.materials[m], mesh) for m in mesh.materials], np.bool_)[mesh.material]
-        meshes[name] = replace(mesh, faces=mesh.faces[own], material=mesh.material[own], part=None, limb=None)
+        bare = replace(mesh, part=None, limb=None, joints=None)
+        meshes[name] = replace(bare, faces=mesh.faces[own], material=mesh.material[own])
         reach[name] = float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0)) if own.any() else -np.inf
 
     def is_near(name: str, pose: Array) -> bool:

@@ -97,11 +97,11 @@ class Lean(Protocol):
         ...
 
     def __call__(self, rows: Index, knots_ns: NDArray[np.int64]) -> Array:
-        """Rotation vectors (k, n, 2) [rad] about world x and y of some of its rows (n,) at knots (k,) [ns].
+        """Rotation vectors (k, n, 2 or 3) [rad] about world x and y of some of its rows (n,) at knots (k,) [ns].
 
-        Knots are multiples of LEAN_KNOT_NS. A plant that leans towards +x turns about +y. A third column may have the
-        depth [m] by which a plant that is crushed sinks; of limbs it is the turn about z. A cause that holds plants
-        gets no rows of limbs: these are held with their tree.
+        Knots are multiples of LEAN_KNOT_NS. A plant that leans towards +x turns about +y. The third column of limbs is
+        their turn about z; that of other plants the depth [m] by which one that is crushed sinks. So a cause that has a
+        depth has no limbs, unless it holds plants: it gets no rows of limbs then, which are held with their tree.
         """
         ...
 
@@ -180,7 +180,8 @@ class Leaning:
         if not len(limb):
             return poses
         tree = self.plants.parent[rows[limb]]
-        bearing = found[:, np.searchsorted(rows, tree)] if rows is self.rows else self.vectors(tree, knots_ns)
+        trees, of = np.unique(tree, return_inverse=True)
+        bearing = found[:, np.searchsorted(rows, tree)] if rows is self.rows else self.vectors(trees, knots_ns)[:, of]
         turned, leant = np.empty((len(limb), 3, 4)), np.empty((len(limb), 3, 4))
         for vectors, tilts, out in zip(found, bearing, poses, strict=True):
             pose_limbs(vectors[limb], matrix[limb], foot[limb], turned)

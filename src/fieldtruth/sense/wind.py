@@ -219,7 +219,7 @@ class WindLean:
         """Rotation vectors (k, n, 3) [rad] of plants (n,) at knots (k,) [ns]; only limbs turn about z."""
         found = np.repeat(self._mean[None, rows], len(knots_ns), axis=0)
         for omega, (table, axis) in zip(self._omega, self._waves, strict=True):
-            own = table if len(rows) == len(self.rows) else np.ascontiguousarray(table[:, rows])
+            own = table if np.array_equal(rows, self.rows) else np.ascontiguousarray(table[:, rows])
             for k, turn in enumerate((knots_ns / 1e9)[:, None] * omega):
                 lean = np.zeros(len(rows), np.float32)
                 add_waves(own, np.concatenate([np.cos(turn), np.sin(turn)]).astype(np.float32), lean)

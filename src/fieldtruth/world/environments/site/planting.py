@@ -125,15 +125,16 @@ def _shaped(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _In
     thick = _step(stem.diameter / (2.0 * size * tree.trunk), THICK) if known_trunk else 0
     name = tree.mesh.name + (f"_w{wide}" if wide else "") + (f"_t{thick}" if thick else "")
     if name != tree.mesh.name and name not in known:
-        vertices, ratio = tree.mesh.vertices.astype(np.float64), THICK[0] ** thick
+        factor, ratio, joints = WIDTHS[0] ** wide, THICK[0] ** thick, tree.mesh.joints
+        vertices = tree.mesh.vertices.astype(np.float64)
         if wide:
-            away = np.hypot(*vertices[:, :2].T) / (COLLIDER * tree.trunk)
-            vertices[:, :2] *= (1.0 + (WIDTHS[0] ** wide - 1.0) * np.clip(away - 1.5, 0.0, 1.0))[:, None]
+            vertices = widened(vertices, tree.trunk, factor)
+            joints = None if joints is None else widened(joints, tree.trunk, factor).astype(np.float32)
         if thick:
             vertices = thickened(vertices, tree.trunk, ratio)
         colliders = tuple(replace(c, size=(ratio * c.size[0], *c.size[1:])) for c in tree.mesh.colliders)
         footprint = max(tree.mesh.footprint, colliders[0].size[0] + CLEAR)
-        mesh = replace(tree.mesh, name=name, vertices=vertices.astype(np.float32), colliders=colliders)
+        mesh = replace(tree.mesh, name=name, vertices=vertices.astype(np.float32), joints=joints, colliders=colliders)
         known[name] = tree._replace(mesh=replace(mesh, footprint=footprint))
     return known.get(name, tree)
 
@@ -141,6 +142,14 @@ def _shaped(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _In
 def _step(ratio: float, steps: tuple[float, float]) -> int:
     """Number of steps, of which the first is a factor and the second the greatest one, to a ratio."""
     return round(float(np.log(np.clip(ratio, 1.0 / steps[1], steps[1])) / np.log(steps[0])))
+
+
+def widened(points: Array, radius: float, factor: float) -> Array:
+    """Points (n, 3) [m] of a tree, with a trunk of a radius [m], whose crown is ``factor`` times as wide."""
+    points = points.astype(np.float64)
+    away = np.hypot(*points[:, :2].T) / (COLLIDER * radius)
+    points[:, :2] *= (1.0 + (factor - 1.0) * np.clip(away - 1.5, 0.0, 1.0))[:, None]
+    return points
 
 
 def thickened(vertices: Array, radius: float, ratio: float) -> Array:
