@@ -262,7 +262,8 @@ def test_a_damaged_map_of_costs_is_refused_in_one_line(damage: str, tmp_path: Pa
     whole = path.read_bytes()
     half = len(whole) // 2
     if damage in ("x0", "flat", "resolution"):
-        changed = {"x0": {}, "flat": {"passes_v1": np.ones(9)}, "resolution": {"resolution": 0.0}}[damage]
+        changes: dict[str, Any] = {"passes_v1": np.ones(9)} if damage == "flat" else {"resolution": 0.0}
+        changed = {} if damage == "x0" else changes
         kept = {key: layers[key] for key in layers if key != damage}
         np.savez(path, allow_pickle=False, **kept | changed)
     elif damage == "other":

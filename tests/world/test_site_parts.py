@@ -102,6 +102,6 @@ def test_joints_of_limbs_stay_in_the_trunk_where_a_crown_is_widened() -> None:
         assert mesh.limb is not None
         assert mesh.joints is not None
         trunk = mesh.vertices[np.unique(mesh.faces[mesh.limb == -1])]
-        gaps.append(cKDTree(trunk).query(mesh.joints)[0].max())
+        gaps.append(np.max(cKDTree(trunk).query(mesh.joints)[0]))
     assert "_w" in mesh.name
     assert gaps[1] < 1.3 * gaps[0]

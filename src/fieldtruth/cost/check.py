@@ -16,7 +16,8 @@ from fieldtruth.cost import check_cost, cost_layers, layer_name, named_layers
 from fieldtruth.cost.stretch import Cause, Passage
 from fieldtruth.cost.tiles import Costs, Order, TileDrives
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.local_maps.check import DAMAGED, StoredMap, compare, read_map
+from fieldtruth.local_maps.check import StoredMap, compare, read_map
+from fieldtruth.local_maps.costs import DAMAGED
 from fieldtruth.validation.check import Check, Count, Rule, Spec, Tally
 
 TILES: Final = 4

@@ -5,7 +5,7 @@
 MuJoCo's bindings come with a description of its structures, from which offsets follow. They are tried on a ball on a
 plane. Where they are not as described, robots are stepped from Python: with equal bits, and each step takes half as
 long again. An error inside of MuJoCo, such as too little memory for contacts, ends the process with its message, where
-a step from Python raises ``mujoco.FatalError``.
+a step from Python raises MuJoCo's FatalError.
 """
 
 import ctypes as c

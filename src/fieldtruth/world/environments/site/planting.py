@@ -129,7 +129,9 @@ def _shaped(known: dict[str, _Individual], tree: _Individual, stem: Stem) -> _In
         vertices = tree.mesh.vertices.astype(np.float64)
         if wide:
             vertices = widened(vertices, tree.trunk, factor)
-            joints = None if joints is None else widened(joints, tree.trunk, factor).astype(np.float32)
+            joints = (
+                None if joints is None else widened(joints.astype(np.float64), tree.trunk, factor).astype(np.float32)
+            )
         if thick:
             vertices = thickened(vertices, tree.trunk, ratio)
         colliders = tuple(replace(c, size=(ratio * c.size[0], *c.size[1:])) for c in tree.mesh.colliders)
@@ -146,10 +148,9 @@ def _step(ratio: float, steps: tuple[float, float]) -> int:
 
 def widened(points: Array, radius: float, factor: float) -> Array:
     """Points (n, 3) [m] of a tree, with a trunk of a radius [m], whose crown is ``factor`` times as wide."""
-    points = points.astype(np.float64)
     away = np.hypot(*points[:, :2].T) / (COLLIDER * radius)
-    points[:, :2] *= (1.0 + (factor - 1.0) * np.clip(away - 1.5, 0.0, 1.0))[:, None]
-    return points
+    scale = 1.0 + (factor - 1.0) * np.clip(away - 1.5, 0.0, 1.0)
+    return np.column_stack([points[:, :2] * scale[:, None], points[:, 2]])
 
 
 def thickened(vertices: Array, radius: float, ratio: float) -> Array:
