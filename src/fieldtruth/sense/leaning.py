@@ -337,7 +337,7 @@ def feet_of(mesh: Mesh, *, whole: bool = False) -> Array:
     for axis in range(2):
         found[:, axis] = np.bincount(owner[rooted], mesh.vertices[rooted, axis], len(found)) / np.maximum(count, 1)
     np.maximum.at(found[:, 3], owner, mesh.vertices[:, 2])
-    return found
+    return found[np.unique(bunch)]  # without squares in which only stems of other bunches are rooted
 
 
 def bunches_of(mesh: Mesh) -> Index:
