@@ -28,6 +28,7 @@ from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.validation.tracer import ReferenceTracer
+from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Mesh, World, merge_meshes
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.seasons import changes
@@ -327,3 +328,19 @@ def test_pieces_of_a_tree_are_all_its_faces(oak: Mesh) -> None:
     pieces = pieces_of(oak)
     assert set(pieces.tolist()) == {STEM, *range(int(pieces.max()) + 1)}
     assert (pieces_of(replace(oak, limb=None, joints=None)) == WHOLE).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+def test_each_plant_of_a_world_in_wind_has_faces_which_the_second_tracer_takes(environment: str) -> None:
+    """A tree or clump is its pieces: each face is of one of them."""
+    world = load_world(environment)
+    blown = leaning_of(BLOWING, world, 1)
+    assert blown is not None
+    pieces: dict[str, set[int]] = {}
+    for mesh, piece in zip(blown.plants.mesh.tolist(), blown.plants.bunch.tolist(), strict=True):
+        pieces.setdefault(mesh, set()).add(piece)
+    for name, own in pieces.items():
+        found = np.unique(pieces_of(world.meshes[name]))
+        assert own - {WHOLE} in (set(found.tolist()) - {WHOLE}, set())
+    ReferenceTracer(world, Moving(leaning=blown))
