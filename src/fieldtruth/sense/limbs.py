@@ -7,6 +7,7 @@ rigid with them. A group's foot is the mean of its joints on the trunk's axis. A
 the wood, by the angle times that distance at most: groups are flat, so this is seldom more than the trunk's radius.
 """
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -63,6 +64,7 @@ def _means(points: Array, group: Index) -> Array:
     return np.stack([np.bincount(group, points[:, k]) / count for k in range(3)], axis=-1)
 
 
+@lru_cache(maxsize=8)  # the pieces of a plant are asked for one after another
 def pieces_of(mesh: Mesh) -> Index:
     """Return the group of limbs, or the bunch, of each face (f,) of a mesh, as ``Plants.bunch`` counts them."""
     limbs = limbs_of(mesh)

@@ -70,26 +70,13 @@ def faces_of(world: World, mesh: Mesh, labels: Collection[int] | None) -> Mask:
 def outermost(mesh: Mesh, faces: Mask | None = None) -> Array:
     """Vertices (n, 3) [m] of the convex hull of a mesh, or of some of its faces, in the object's frame."""
     if faces is None:
-        return _hull(_Key(mesh))
+        return _hull(mesh)
     return _hull_of(mesh.vertices[np.unique(mesh.faces[faces])])
 
 
-class _Key:
-    """A mesh as a key: that of the same object in memory."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self.mesh = mesh
-
-    def __hash__(self) -> int:
-        return id(self.mesh)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and other.mesh is self.mesh
-
-
 @lru_cache(maxsize=4096)
-def _hull(key: _Key) -> Array:
-    return _hull_of(key.mesh.vertices[np.unique(key.mesh.faces)])
+def _hull(mesh: Mesh) -> Array:
+    return _hull_of(mesh.vertices[np.unique(mesh.faces)])
 
 
 def _hull_of(points: Any) -> Array:

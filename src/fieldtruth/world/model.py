@@ -92,7 +92,7 @@ class Collider:
     """Corners [m] of a convex body, whose bounding box the other values are; empty for a primitive."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Mesh:
     """Triangles in the object's frame: origin on the ground below the middle, z up, x forward (furniture faces +x).
 
