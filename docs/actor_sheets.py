@@ -44,8 +44,15 @@ def main() -> None:
     parser.add_argument("--middle", type=float, default=1.0, help="share of each photograph that is shown")
     parser.add_argument("runs", nargs="+", type=Path)
     options = parser.parse_args()
+    if not 0.0 < options.middle <= 1.0:
+        parser.error(f"argument --middle: must be above 0 and at most 1, got {options.middle:g}")
+    if not options.folder.is_dir():
+        parser.error(f"argument folder: {options.folder} is no folder")
     for path in options.runs:
-        run = ft.open_run(path)
+        try:
+            run = ft.open_run(path)
+        except ft.FieldtruthError as error:
+            parser.error(str(error))
         Image.fromarray(sheet(run, options.middle)).save(options.folder / f"sheet_{run.name}.jpg", quality=72)
 
 
